@@ -371,6 +371,25 @@ def test_two_parts_of_a_stamp_are_one_time(titles, digits, start_s, tmp_path, pl
     np.testing.assert_allclose(found.time_s, plain.time_s + start_s, atol=1e-6)
 
 
+@given(st.integers(0, 1438), st.sampled_from([0, 30, 57, 59]))
+def test_hours_minutes_and_seconds_in_one_number_are_refused(folder, plain, minute, second):
+    """Where a minute ends; before it, differences are right."""
+    start_s = 60 * minute + second
+
+    def written(t):
+        minutes, seconds = divmod(start_s + t, 60)
+        return f"{int(minutes) // 60:02}{int(minutes) % 60:02}{seconds:06.3f}"
+
+    path = write(folder, ["time,id,x,y"], [(written(t), *row) for t, *row in WALK])
+    if (start_s + WALK[-1][0]) // 60 != minute:
+        with pytest.raises(SourceError, match=r"times leap from \d*5\d.*in one number.*14:02:07.5"):
+            tracks(path)
+    else:
+        np.testing.assert_allclose(np.diff(tracks(path).time_s), np.diff(plain.time_s))
+    seconds = write(folder, ["time,id,x,y"], [(start_s + t, *row) for t, *row in WALK])
+    np.testing.assert_allclose(tracks(seconds).time_s, start_s + plain.time_s)
+
+
 def test_messages_that_rostopic_writes_are_people(tmp_path, plain):
     start_ns = 1_700_000_000_250_000_000
     stamps = [start_ns + round(t * 1e9) for t, *_ in WALK]

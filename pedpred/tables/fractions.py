@@ -1,4 +1,4 @@
-"""Fractions of seconds without the zeros that they begin with, as where seconds and nanoseconds were joined."""
+"""Fractions of seconds without their first zeros, as where seconds and nanoseconds were joined by a point."""
 
 from __future__ import annotations
 
