@@ -116,7 +116,7 @@ def test_the_same_people_are_taken_from_a_data_frame(model):
 
 
 @pytest.mark.parametrize(
-    "title", ["scene", "run_id", "recordingId", "floor", "camera", "day", "hour", "minute"]
+    "title", ["scene", "run_id", "recordingId", "floor", "camera", "topic", "log_id", "day", "hour", "minute"]
 )
 def test_several_recordings_in_one_table_are_warned_about(title, tmp_path, caplog):
     rows = [(*row, row[1]) for row in WALK]
@@ -124,6 +124,30 @@ def test_several_recordings_in_one_table_are_warned_about(title, tmp_path, caplo
         tracks(write(tmp_path, [f"time,id,x,y,{title}"], rows))
     assert f"column {title} holds 1, 2: all are read as one recording" in caplog.text
     assert ("one column of times" in caplog.text) is (title in ("day", "hour", "minute"))
+
+
+def test_a_column_that_counts_messages_is_no_column_of_recordings(tmp_path, plain, caplog):
+    rows = [(*row, k // 2) for k, row in enumerate(WALK)]
+    with caplog.at_level(logging.WARNING):
+        assert_same(tracks(write(tmp_path, ["time,id,x,y,sequence"], rows)), plain)
+    assert not caplog.text
+
+
+@pytest.mark.parametrize(
+    ("title", "seen", "unseen"),
+    [("valid", "True", "False"), ("Valid", 1, 0), ("lost", 0, 1), ("outside", "f", "t")],
+)
+def test_rows_that_say_that_nobody_was_seen_are_warned_about(tmp_path, plain, title, seen, unseen, caplog):
+    rows = [(*row, seen if row[0] < 2 else unseen) for row in WALK]
+    with caplog.at_level(logging.WARNING):
+        assert_same(tracks(write(tmp_path, [f"time,id,x,y,{title}"], rows)), plain)
+        flag = unseen in ("True", 1, "t")
+        assert (
+            f"column {title} is {flag} in {2 * (COUNT - 8)} rows, which are read like others" in caplog.text
+        )
+        caplog.clear()
+        tracks(write(tmp_path, [f"time,id,x,y,{title}"], [(*row, seen) for row in WALK]))
+        assert not caplog.text
 
 
 ZONES = st.sampled_from([None, UTC, timezone(timedelta(hours=-3, minutes=-30)), timezone(timedelta(hours=9))])

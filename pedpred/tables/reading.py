@@ -40,6 +40,7 @@ from pedpred.tables.titles import (
     LENGTHS,
     REST,
     columns_of_classes,
+    columns_of_flags,
     columns_of_heights,
     columns_of_recordings,
     is_part_of_time,
@@ -52,7 +53,10 @@ from pedpred.tables.units import PIXELS, UNITS
 
 _LONG = "Write a line per person and instant, with columns such as time,id,x,y"
 _PAIRS = {"position": LENGTHS, "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
-_LONGEST_TITLES, _SHOWN_NAMES, _MOST_RECORDINGS = 200, 3, 500
+_LONGEST_TITLES, _SHOWN_NAMES, _MOST_RECORDINGS, _FEWEST_ROWS = 200, 3, 500, 10
+_TRUTH = dict.fromkeys(("0", "0.0", "false", "f", "no"), False) | dict.fromkeys(
+    ("1", "1.0", "true", "t", "yes"), True
+)
 _log = logging.getLogger(__name__)
 
 
@@ -94,7 +98,9 @@ def of_people(
 def people_in_rows(
     path: Path, titles: Sequence[str], rows: Callable[[], Iterable[Row]], options: TableOptions
 ) -> tuple[str, set[str]] | None:
-    """The column that says who is a person, see `classes_of_people`; several recordings are warned about.
+    """The column that says who is a person, see `classes_of_people`.
+
+    Several recordings, and rows of people who were not seen, are warned about.
 
     Args:
         path: the file, for messages.
@@ -103,21 +109,31 @@ def people_in_rows(
         options: with the classes of people.
     """
     kinds, parts = columns_of_classes(titles), columns_of_recordings(titles)
-    counts: dict[str, Counter[str]] = {title: Counter() for title in (*kinds, *parts)}
+    flags = columns_of_flags(titles)
+    counts: dict[str, Counter[str]] = {title: Counter() for title in (*kinds, *parts, *flags)}
     if counts:
         at = {title: titles.index(title) for title in counts}
         for _, fields in rows():
             for title, column in at.items():
                 counts[title][label_of(fields[column])] += 1
     for title in parts:
-        values = sorted(set(counts[title]) - {""})
-        if 1 < len(values) <= _MOST_RECORDINGS:
+        values, count = sorted(set(counts[title]) - {""}), sum(counts[title].values())
+        if 1 < len(values) <= min(_MOST_RECORDINGS, count / _FEWEST_ROWS):
             shown = ", ".join(values[:_SHOWN_NAMES]) + ", ..." * (len(values) > _SHOWN_NAMES)
             part = f"divide the {worded('file', 'table')} if they are several"
             text = f"%s: column %s holds %s: all are read as one recording; {part}"
             if is_part_of_time(title):
                 text += ", or write one column of times if they are parts of these"
             _log.warning(text, path, title, shown)
+    for title, of_nobody in flags.items():
+        unseen = sum(
+            count for value, count in counts[title].items() if _TRUTH.get(value.lower()) is of_nobody
+        )
+        if unseen:
+            text = (
+                "%s: column %s is %s in %d rows, which are read like others: remove them if nobody was seen"
+            )
+            _log.warning(text, path, title, of_nobody, unseen)
     if kinds or options.classes:
         return classes_of_people(path, {title: counts[title] for title in kinds}, options.classes)
     return None

@@ -56,9 +56,11 @@ _CLASS, _APART = (
         "class classes category categories type types label labels kind classification klasse typ kategorie "
         "clase tipo categoria classe categorie",
         "scene run trial recording video session experiment scenario floor storey camera cam dataset "
-        "sequence episode clip day hour",
+        "sequence episode clip day hour topic log",
     )
 )
+_FLAGS = {"valid": False, "lost": True, "outside": True, "missing": True}
+"""Titles of columns that say whether somebody was seen, and what they hold where nobody was."""
 _CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
 _STEPS = {"step", "simulation", "sim"}
 _FILLERS = {"in"}
@@ -127,6 +129,11 @@ def columns_of_recordings(titles: Sequence[str]) -> list[str]:
         for title in titles
         if _is_called(title, _APART, _NUMBER | {"id", "name"}) or title.strip().lower() in minutes
     ]
+
+
+def columns_of_flags(titles: Sequence[str]) -> dict[str, bool]:
+    """Titles of columns that say whether somebody was seen, and what they hold where nobody was."""
+    return {title: _FLAGS[word] for title in titles if (word := title.strip().lower()) in _FLAGS}
 
 
 def is_part_of_time(title: str) -> bool:
