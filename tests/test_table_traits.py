@@ -329,6 +329,24 @@ def test_times_that_are_too_coarse_and_one_id_for_all_are_told_apart(tmp_path):
         tracks(write(tmp_path, [(t, 0, *row) for t, _, *row in WALK]))
 
 
+@pytest.mark.parametrize("titles", [("frame", *TITLES[1:]), None])
+@pytest.mark.parametrize("clock", [lambda k: (k + 206) % 256, lambda k: (k + 30) * (40 if k < 36 else 1)])
+def test_clocks_that_begin_again_or_change_their_unit_are_doubted(tmp_path, titles, clock, caplog):
+    """Of ranges that no counter has; rows of people one after the other are no such clocks."""
+    walk = [
+        (k, who, round(3 * who + 0.1 * k + math.sin(k / 9), 3), 5 * who + math.sin(k / 7))
+        for k in range(72)
+        for who in (1, 2)
+    ]
+    tracks(write(tmp_path, [(clock(k), *row) for k, *row in walk], titles), rate_hz=10.0)
+    assert "time goes back from" in caplog.text
+    assert "the same person follows" in caplog.text
+    caplog.clear()
+    ways = [[row for row in walk if row[1] == who] for who in (1, 2)]
+    tracks(write(tmp_path, [*ways[0][:20], *ways[1], *ways[0][40:]], titles), rate_hz=10.0)
+    assert "goes back" not in caplog.text
+
+
 def test_recordings_that_were_joined_are_doubted(tmp_path, caplog):
     joined = [*WALK, *((t, who + 10, x, y) for t, who, x, y in WALK)]
     with caplog.at_level(logging.WARNING):
