@@ -53,7 +53,9 @@ from pedpred.tables.units import PIXELS, UNITS
 
 _LONG = "Write a line per person and instant, with columns such as time,id,x,y"
 _PAIRS = {"position": LENGTHS, "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
-_LONGEST_TITLES, _SHOWN_NAMES, _MOST_RECORDINGS, _FEWEST_ROWS = 200, 3, 500, 10
+_LONGEST_TITLES, _SHOWN_NAMES = 200, 3
+_FEW_RECORDINGS, _MOST_RECORDINGS, _FEWEST_ROWS = 10, 500, 10
+"""More values than the first count messages, unless each is in so many rows."""
 _TRUTH = dict.fromkeys(("0", "0.0", "false", "f", "no"), False) | dict.fromkeys(
     ("1", "1.0", "true", "t", "yes"), True
 )
@@ -118,7 +120,7 @@ def people_in_rows(
                 counts[title][label_of(fields[column])] += 1
     for title in parts:
         values, count = sorted(set(counts[title]) - {""}), sum(counts[title].values())
-        if 1 < len(values) <= min(_MOST_RECORDINGS, count / _FEWEST_ROWS):
+        if 1 < len(values) <= max(_FEW_RECORDINGS, min(_MOST_RECORDINGS, count / _FEWEST_ROWS)):
             shown = ", ".join(values[:_SHOWN_NAMES]) + ", ..." * (len(values) > _SHOWN_NAMES)
             part = f"divide the {worded('file', 'table')} if they are several"
             text = f"%s: column %s holds %s: all are read as one recording; {part}"
