@@ -683,6 +683,16 @@ def test_nobody_is_invented_between_footsteps_that_do_not_meet(tmp_path, caplog)
         (b"\x80\x05\x95", "pickle"),
         ("time,id,x,y".encode("utf-16-le"), "UTF-16.*UTF-8"),
         (b"<geometry unit='m'><rooms/></geometry>", r"<geometry>.*--map"),
+        (b"walk.csv".ljust(257, b"\0") + b"ustar\x0000", "tar archive.*Unpack"),
+        (
+            b"Format Version,1.23,Take Name,walk,Export Frame Rate,120.0\n\n,Type,Rigid Body\n",
+            "Motive.*a line per body",
+        ),
+        (
+            b"Trajectories\r\n100\r\n,,Ped1:Head,,,Ped2:Head,,\r\nFrame,Sub Frame,X,Y,Z,X,Y,Z\r\n",
+            "Nexus.*a line per",
+        ),
+        (b"Model Outputs\n100\n\t\tPed1\nFrame\tSub Frame\tX\tY\tZ\n", "Nexus.*a line per body"),
         (b"\0\1\2\3", "neither text nor a known recording.*00 01 02 03"),
     ],
 )

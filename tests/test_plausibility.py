@@ -319,3 +319,19 @@ def test_parts_of_a_picture_are_no_metres_without_a_word(tmp_path, caplog, title
             path.write_text((said if "," in said else said + titles) + "\n".join(rows))
             read_file(path, TableOptions(rate_hz=10.0))
     assert "parts of a picture" not in caplog.text, "where the unit is said"
+
+
+@pytest.mark.parametrize("titles", ["frame,id,x,y,z\n", ""])
+def test_people_who_are_always_at_one_place_have_none(tmp_path, titles):
+    """As where a tracker writes -1 for places that it does not know; one person may stand."""
+    path = tmp_path / "walk.csv"
+    for people in ((1, 2), (1,)):
+        rows = [f"{k},{who},-1,-1,-1" for k in range(40) for who in people]
+        path.write_text(titles + "\n".join(rows))
+        if len(people) > 1:
+            with pytest.raises(
+                SourceError, match=r"always at \(-1, -1\): x and y hold no positions.*--columns"
+            ):
+                read_file(path, TableOptions(rate_hz=10.0))
+        elif titles:
+            assert len(read_file(path, TableOptions(rate_hz=10.0)).trajectories) == 40

@@ -116,7 +116,7 @@ def test_the_same_people_are_taken_from_a_data_frame(model):
 
 
 @pytest.mark.parametrize(
-    "title", ["scene", "run_id", "recordingId", "floor", "camera", "day", "hour", "minute"]
+    "title", ["scene", "run_id", "recordingId", "floor", "camera", "topic", "log_id", "day", "hour", "minute"]
 )
 def test_several_recordings_in_one_table_are_warned_about(title, tmp_path, caplog):
     rows = [(*row, row[1]) for row in WALK]
@@ -124,6 +124,30 @@ def test_several_recordings_in_one_table_are_warned_about(title, tmp_path, caplo
         tracks(write(tmp_path, [f"time,id,x,y,{title}"], rows))
     assert f"column {title} holds 1, 2: all are read as one recording" in caplog.text
     assert ("one column of times" in caplog.text) is (title in ("day", "hour", "minute"))
+
+
+def test_a_column_that_counts_messages_is_no_column_of_recordings(tmp_path, plain, caplog):
+    rows = [(*row, k // 2) for k, row in enumerate(WALK)]
+    with caplog.at_level(logging.WARNING):
+        assert_same(tracks(write(tmp_path, ["time,id,x,y,sequence"], rows)), plain)
+    assert not caplog.text
+
+
+@pytest.mark.parametrize(
+    ("title", "seen", "unseen"),
+    [("valid", "True", "False"), ("Valid", 1, 0), ("lost", 0, 1), ("outside", "f", "t")],
+)
+def test_rows_that_say_that_nobody_was_seen_are_warned_about(tmp_path, plain, title, seen, unseen, caplog):
+    rows = [(*row, seen if row[0] < 2 else unseen) for row in WALK]
+    with caplog.at_level(logging.WARNING):
+        assert_same(tracks(write(tmp_path, [f"time,id,x,y,{title}"], rows)), plain)
+        flag = unseen in ("True", 1, "t")
+        assert (
+            f"column {title} is {flag} in {2 * (COUNT - 8)} rows, which are read like others" in caplog.text
+        )
+        caplog.clear()
+        tracks(write(tmp_path, [f"time,id,x,y,{title}"], [(*row, seen) for row in WALK]))
+        assert not caplog.text
 
 
 ZONES = st.sampled_from([None, UTC, timezone(timedelta(hours=-3, minutes=-30)), timezone(timedelta(hours=9))])
@@ -195,6 +219,49 @@ def test_times_of_day_are_seconds_until_midnight(folder, plain, start_s):
     late = write(folder, ["time,id,x,y"], [(written(t + 86_398 - start_s), *row) for t, *row in WALK])
     with pytest.raises(SourceError, match=r"line 18: time goes back from the evening to 00:00"):
         tracks(late)
+
+
+CLOCKS = [("frame", 4), ("time_ms", 1000), ("time_us", 10**6), ("time", 1)]
+COUNTERS = [(0, 2**16), (-(2**15), 2**15), (0, 2**32), (-(2**31), 2**31)]
+"""The first value of counters, and the one after the last."""
+
+
+@given(st.sampled_from(CLOCKS), st.data())
+def test_clocks_that_begin_again_go_on(folder, plain, clock, data):
+    """Whatever range a clock has, wherever it ends, and whether times or people order the rows."""
+    title, per_second = clock
+    ranges = [(0, 86_400)] if title == "time" else [one for one in COUNTERS if one[1] > 8 * per_second]
+    least, end = data.draw(st.sampled_from(ranges))
+    turn = data.draw(st.integers(1, COUNT - 1)) * STEP_S * per_second
+    late = data.draw(st.floats(0.0, 0.9)) if title == "time" else 0
+    order = data.draw(st.sampled_from([lambda row: row[0], lambda row: row[1], lambda row: -row[1]]))
+    rows = [
+        (f"{(t * per_second - turn + late) % (end - least) + least:.12g}", *row)
+        for t, *row in sorted(WALK, key=order)
+    ]
+    path = write(folder, [f"{title},id,x,y"], rows)
+    found = tracks(path, rate_hz=4.0 if title == "frame" else None)
+    np.testing.assert_allclose(found.time_s - found.time_s[0], plain.time_s, atol=1e-6)
+    np.testing.assert_array_equal(found.track_id, plain.track_id)
+    np.testing.assert_array_equal(found.position, plain.position)
+
+
+def test_clocks_begin_again_as_often_as_they_do(folder, caplog):
+    """Of people who are seen one after the other, for longer than the range; else nobody knows."""
+    lasts, between = 50, 20_000
+    rows = [
+        (who * between + k, who, round(0.02 * k, 3), 0.1 * who)
+        for who in range(8)
+        for k in range(lasts if who != 3 else 6000)
+    ]
+    wrapped = [(frame % 2**16, *row) for frame, *row in rows]
+    found = tracks(write(folder, ["frame,id,x,y"], wrapped), rate_hz=50.0)
+    assert_same(found, tracks(write(folder, ["frame,id,x,y"], rows, "whole.csv"), rate_hz=50.0))
+    assert_same(found, tracks(write(folder, [], wrapped, "untitled.csv"), rate_hz=50.0))
+    assert "frame numbers begin again after 65535 in line" in caplog.text
+    apart = sorted(wrapped, key=lambda row: (row[1] % 2, row[1]))
+    with pytest.raises(SourceError, match=r"frame numbers begin again.*Sort rows by time"):
+        tracks(write(folder, ["frame,id,x,y"], apart), rate_hz=50.0)
 
 
 LAST_IS_THE_YEAR = ["%d.%m.%Y", "%d.%m.%y", "%d/%m/%Y", "%m/%d/%Y", "%m/%d/%y", "%d-%m-%Y"]
@@ -328,6 +395,49 @@ def test_two_parts_of_a_stamp_are_one_time(titles, digits, start_s, tmp_path, pl
     np.testing.assert_allclose(found.time_s, plain.time_s + start_s, atol=1e-6)
 
 
+@given(st.integers(0, 1438), st.sampled_from([0, 30, 57, 59]))
+def test_hours_minutes_and_seconds_in_one_number_are_refused(folder, plain, minute, second):
+    """Where a minute ends; before it, differences are right."""
+    start_s = 60 * minute + second
+
+    def written(t):
+        minutes, seconds = divmod(start_s + t, 60)
+        return f"{int(minutes) // 60:02}{int(minutes) % 60:02}{seconds:06.3f}"
+
+    path = write(folder, ["time,id,x,y"], [(written(t), *row) for t, *row in WALK])
+    if (start_s + WALK[-1][0]) // 60 != minute:
+        with pytest.raises(SourceError, match=r"times leap from \d*5\d.*in one number.*14:02:07.5"):
+            tracks(path)
+    else:
+        np.testing.assert_allclose(np.diff(tracks(path).time_s), np.diff(plain.time_s))
+    seconds = write(folder, ["time,id,x,y"], [(start_s + t, *row) for t, *row in WALK])
+    np.testing.assert_allclose(tracks(seconds).time_s, start_s + plain.time_s)
+
+
+def test_messages_that_rostopic_writes_are_people(tmp_path, plain):
+    start_ns = 1_700_000_000_250_000_000
+    stamps = [start_ns + round(t * 1e9) for t, *_ in WALK]
+    rows = [
+        (ns, k, ns - 40, "map", who, x, y, 0.0)
+        for k, (ns, (_, who, x, y)) in enumerate(zip(stamps, WALK, strict=True))
+    ]
+    fields = ["header.seq", "header.stamp", "header.frame_id", "id", *(f"pose.position.{a}" for a in "xyz")]
+    path = write(tmp_path, [",".join(["%time", *(f"field.{field}" for field in fields)])], rows)
+    found = tracks(path)
+    np.testing.assert_allclose(found.time_s, plain.time_s + start_ns / 1e9, atol=1e-6)
+    np.testing.assert_array_equal(found.track_id, plain.track_id)
+    np.testing.assert_array_equal(found.position, plain.position)
+
+
+@pytest.mark.parametrize("sign", ["%", "#", ""])
+def test_messages_about_several_people_are_named(tmp_path, sign):
+    people = [f"field.people{k}.{field}" for k in range(2) for field in ("name", "position.x", "position.y")]
+    rows = [(round(t * 1e9), "map", 1, x, y, 2, x, y) for t, _, x, y in WALK]
+    path = write(tmp_path, [",".join([f"{sign}time", "field.header.frame_id", *people])], rows)
+    with pytest.raises(SourceError, match=r"people0.position.x.*of several people.*a line per person"):
+        tracks(path)
+
+
 def test_the_same_times_in_two_units_are_not_added(tmp_path, plain):
     rows = [(t, round(1000 * t), *row) for t, *row in WALK]
     assert_same(tracks(write(tmp_path, ["time,time_ms,id,x,y"], rows)), plain)
@@ -337,6 +447,30 @@ def test_the_same_times_in_two_units_are_not_added(tmp_path, plain):
         tracks(write(tmp_path, ["time,time_ms,id,x,y"], whole)),
         tracks(write(tmp_path, ["time,id,x,y"], seconds)),
     )
+
+
+@given(st.sampled_from([0, 1_700_000_000]), st.sampled_from([3, 6, 9]), st.booleans(), st.data())
+def test_fractions_without_their_first_zeros_are_refused(folder, start_s, digits, titled, data):
+    """With them, times are right, however many digits each has, and whatever the order of rows."""
+    walk = [(round(t / STEP_S) * 0.05 + 0.01, *row) for t, *row in WALK * 5]
+    walk = [(round(0.6 * (k // len(WALK)) + t, 3), *row) for k, (t, *row) in enumerate(walk)]
+    times = [divmod(round(t * 10**digits), 10**digits) for t, *_ in walk]
+    header = ["time,id,x,y"] if titled else []
+
+    def written(form):
+        stamps = [form.format(start_s + second, part, width=digits) for second, part in times]
+        rows = [(stamp, *row[1:]) for stamp, row in zip(stamps, walk, strict=True)]
+        return rows, write(folder, header, rows)
+
+    joined = "{}.{}"
+    with pytest.raises(
+        SourceError, match=r"goes back from \d+\.\d+ to .*zeros were left out.*Write all digits"
+    ):
+        tracks(written(joined)[1])
+    rows, path = written("{}.{:0{width}}")
+    assert len(tracks(path)) == len(walk)
+    shuffled = [(stamp.rstrip("0"), *row) for stamp, *row in data.draw(st.permutations(rows))]
+    np.testing.assert_array_equal(tracks(write(folder, header, shuffled)).time_s, tracks(path).time_s)
 
 
 @pytest.mark.parametrize("of", [math.floor, round])
@@ -415,6 +549,37 @@ def test_columns_may_be_named_whatever_stands_above_them(folder, plain, above, t
     found = tracks(path, columns=("time", "id", "x", "y"))
     np.testing.assert_array_equal(found.time_s, plain.time_s)
     np.testing.assert_array_equal(found.position, plain.position)
+
+
+LEVELS = [
+    [("walk", "time"), ("walk", "id"), ("position", "x"), ("position", "y")],
+    [("time", ""), ("id", ""), ("position", "x [m]"), ("position", "y [m]")],
+    [("track", "time", ""), ("", "track", "id"), ("position", "world", "x"), ("position", "world", "y")],
+]
+
+
+@pytest.mark.parametrize("levels", LEVELS)
+@pytest.mark.parametrize("numbered", [True, False])
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_header_may_have_several_rows_as_pandas_writes_levels(tmp_path, plain, levels, numbered, separator):
+    table = pd.DataFrame(WALK, columns=pd.MultiIndex.from_tuples(levels))
+    path = tmp_path / "walk.csv"
+    table.to_csv(path, index=numbered, sep=separator)
+    assert_same(tracks(path), plain)
+    if len(levels[0]) == 2:
+        again = pd.read_csv(path, header=[0, 1], sep=separator)
+        again.to_csv(path, index=False, sep=separator)
+        assert_same(tracks(path), plain)
+
+
+def test_levels_of_rows_name_columns_too(tmp_path, plain):
+    table = pd.DataFrame(WALK, columns=["time", "id", "x", "y"]).set_index(["time", "id"])
+    path = tmp_path / "walk.csv"
+    pd.concat({"position": table}, axis="columns").to_csv(path)
+    assert_same(tracks(path), plain)
+    table.reset_index().pivot(index="time", columns="id").to_csv(path)
+    with pytest.raises(SourceError, match=r"x and y, which are there several times.*a line per person"):
+        tracks(path)
 
 
 def test_a_wrong_row_is_not_above_named_columns(tmp_path):

@@ -213,6 +213,20 @@ def test_boxes_without_titles_are_no_positions(tmp_path):
         tracks(write(tmp_path, boxes, None), pixel_m=0.025, rate_hz=4.0)
 
 
+@pytest.mark.parametrize("sure", [-1, 0, 0.87, 1])
+@pytest.mark.parametrize("separator", [",", " "])
+def test_places_behind_boxes_without_titles_are_asked_for(tmp_path, plain, sure, separator):
+    rows = [
+        (round(t / STEP_S), who, 400 + 40 * x, 40 * y, 40.5, 112, sure, x, y, 0.0) for t, who, x, y in WALK
+    ]
+    path = write(tmp_path, rows, None, separator)
+    for unit in (None, "cm"):
+        with pytest.raises(SourceError, match=r"line 1: .*boxes of MOTChallenge.*ground") as refused:
+            tracks(path, rate_hz=1 / STEP_S, unit=unit)
+    named = str(refused.value).split("--columns ")[1].split(",")
+    assert_same(tracks(path, rate_hz=1 / STEP_S, columns=tuple(named)), plain)
+
+
 @pytest.mark.parametrize("classes", [(0, 0), (3, 4)])
 def test_classes_without_titles_are_no_positions(tmp_path, plain, classes):
     rows = [(round(t / STEP_S), who, classes[who - 1], x, y, 0.3) for t, who, x, y in WALK]
@@ -252,6 +266,17 @@ def test_heights_that_sway_are_no_positions(tmp_path, sway_m, title):
         tracks(write(tmp_path, rows, ("time", "id", "x", "y", title)))
     ground = [(t, who, x, y, height) for t, who, x, height, y in rows]
     assert len(tracks(write(tmp_path, ground, ("time", "id", "x", "y", title)))) == len(WALK)
+
+
+@pytest.mark.parametrize("end", ["", "\n", "\r\n", " \n\n"])
+@pytest.mark.parametrize("header", [(*TITLES, "z"), None])
+def test_people_may_walk_along_an_axis_at_one_height_however_the_file_ends(tmp_path, header, end):
+    path = tmp_path / "walk.csv"
+    rows = [(time if header else round(time / STEP_S), who, x, 0, 1.1) for time, who, x, _ in WALK]
+    lines = [",".join(map(str, row)) for row in ([header] if header else []) + rows]
+    path.write_bytes(("\n".join(lines) + end).encode())
+    read = tracks(path, rate_hz=None if header else 1 / STEP_S)
+    np.testing.assert_array_equal(read.position[:, 0], [x for _, _, x, _ in WALK])
 
 
 @pytest.mark.parametrize("place", [-1, 999, -9999])
@@ -302,6 +327,24 @@ def test_times_that_are_too_coarse_and_one_id_for_all_are_told_apart(tmp_path):
         tracks(write(tmp_path, [(int(t), *row) for t, *row in WALK]))
     with pytest.raises(SourceError, match=r"all lines have this id.*--columns time,id,x,y"):
         tracks(write(tmp_path, [(t, 0, *row) for t, _, *row in WALK]))
+
+
+@pytest.mark.parametrize("titles", [("frame", *TITLES[1:]), None])
+@pytest.mark.parametrize("clock", [lambda k: (k + 206) % 256, lambda k: (k + 30) * (40 if k < 36 else 1)])
+def test_clocks_that_begin_again_or_change_their_unit_are_doubted(tmp_path, titles, clock, caplog):
+    """Of ranges that no counter has; rows of people one after the other are no such clocks."""
+    walk = [
+        (k, who, round(3 * who + 0.1 * k + math.sin(k / 9), 3), 5 * who + math.sin(k / 7))
+        for k in range(72)
+        for who in (1, 2)
+    ]
+    tracks(write(tmp_path, [(clock(k), *row) for k, *row in walk], titles), rate_hz=10.0)
+    assert "time goes back from" in caplog.text
+    assert "the same person follows" in caplog.text
+    caplog.clear()
+    ways = [[row for row in walk if row[1] == who] for who in (1, 2)]
+    tracks(write(tmp_path, [*ways[0][:20], *ways[1], *ways[0][40:]], titles), rate_hz=10.0)
+    assert "goes back" not in caplog.text
 
 
 def test_recordings_that_were_joined_are_doubted(tmp_path, caplog):

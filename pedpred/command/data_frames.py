@@ -28,6 +28,7 @@ from pedpred.tables.text import Row
 from pedpred.tables.titles import (
     LENGTHS,
     columns_of_classes,
+    columns_of_flags,
     columns_of_heights,
     columns_of_recordings,
     titles_of_tracks,
@@ -130,7 +131,13 @@ def _numbered(ids: pd.Index) -> tuple[np.ndarray, TrackNames]:
 def _others(titles: Sequence[str]) -> list[str]:
     """Titles of columns that say more about a table: classes, days, heights, and what is apart."""
     at = [*columns_of_heights(titles), *([] if (day := column_of_days(titles)) is None else [day])]
-    return [*columns_of_classes(titles), *columns_of_recordings(titles), *(titles[each] for each in at)]
+    flags = columns_of_flags(titles)
+    return [
+        *columns_of_classes(titles),
+        *columns_of_recordings(titles),
+        *flags,
+        *(titles[each] for each in at),
+    ]
 
 
 def _rows(columns: Iterable[pd.Series]) -> Iterator[Row]:

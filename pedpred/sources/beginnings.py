@@ -14,6 +14,15 @@ from pedpred.tables.encodings import UTF_16
 
 _LOOKED_AT_BYTES = 2**16
 _PAIRS = 16  # bytes of which each second one is 0 in UTF-16
+_MOTION_CAPTURE = (
+    (re.compile(rb"(\xef\xbb\xbf)?Format Version,[\d.]+,"), "Motive (OptiTrack)"),
+    (re.compile(rb"(\xef\xbb\xbf)?[A-Z][\w ]+[,\t]*\r?\n[\d.]+[,\t]*\r?\n[,\t]{2}"), "Nexus (Vicon)"),
+)
+"""How exports begin whose titles are distributed over several lines, and who writes them."""
+_PER_BODY = (
+    "Write a line per body and instant, with the columns time,id,x,y (x and y: the axes of the ground)"
+)
+_TAR_AT, _TAR = 257, b"ustar"
 _JSON = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*["}]|\[\s*[\[{"])')
 NO_PEDESTRIAN = "Only pedestrians are read: name a recording with some"
 """What to do where a file is right, and nobody in it is a pedestrian."""
@@ -87,6 +96,13 @@ class Beginning:
         for magics, (what, remedy) in _OTHERS.items():
             if self.raw.startswith(magics):
                 return SourceError(self.path, None, f"this is {what}, which is not read", remedy)
+        if self.raw[_TAR_AT:].startswith(_TAR):
+            return SourceError(self.path, None, "this is a tar archive, which is not read", "Unpack it")
+        for begins, program in _MOTION_CAPTURE:
+            if begins.match(self.raw):
+                return SourceError(
+                    self.path, None, f"this is an export of {program}, which is not read", _PER_BODY
+                )
         if self.line().lstrip().startswith("<"):
             match = re.search(r"<([A-Za-z][\w.-]*)", "\n".join(self.lines))
             problem = f"this is XML whose outermost element is <{match[1][:80] if match else ''}>"

@@ -237,7 +237,7 @@ def check_titles(path: Path, people: Trajectories) -> None:
 
 
 def check_places(path: Path, people: Trajectories, remedy: str) -> None:
-    """Check that x and y hold neither times nor ids.
+    """Check that x and y hold positions, and neither times nor ids.
 
     Args:
         path: the file, for errors.
@@ -245,8 +245,11 @@ def check_places(path: Path, people: Trajectories, remedy: str) -> None:
         remedy: what to do otherwise.
 
     Raises:
-        SourceError: one of them does.
+        SourceError: one of them does, or several people are always at one place.
     """
+    if len(np.unique(people.track_id)) > 1 and not np.ptp(people.position, axis=0).any():
+        place = ", ".join(f"{value:.10g}" for value in people.position[0])
+        raise SourceError(path, None, f"everybody is always at ({place}): x and y hold no positions", remedy)
     people = _begin_of(people)
     for title, values in zip("xy", people.position.T, strict=True):
         problem = None

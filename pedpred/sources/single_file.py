@@ -25,7 +25,7 @@ from pedpred.sources import (
 )
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.plausibility import check_degrees, check_speeds, check_titles, doubt_fractions
-from pedpred.sources.times import check_brief, check_clock, doubt_whole_seconds
+from pedpred.sources.times import check_brief, check_clock, check_digits, doubt_whole_seconds
 from pedpred.sources.untitled import read_untitled
 from pedpred.sources.walls import Walls, occupancy_of
 from pedpred.tables.columnar import is_columnar
@@ -151,6 +151,7 @@ def checked_interval_s(
         remedy = f"If another column holds the ids, name all in order: {naming()}"
         raise SourceError(path, None, str(cause), f"A track needs several detections. {remedy}") from cause
     check_clock(path, dt_s)
+    check_digits(path, people)
     doubt_whole_seconds(path, people, dt_s)
     check_degrees(path, people, sure)
     if not sure and said is None and fixed is None:

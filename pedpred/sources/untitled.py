@@ -20,10 +20,12 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.plausibility import check_places, ids_come_first
+from pedpred.tables.clocks import set_time
 from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import is_time
 from pedpred.tables.decimals import with_decimal_points
 from pedpred.tables.detections import doubt_restarts, with_positions, without_copies, without_untracked
+from pedpred.tables.fractions import check_fractions
 from pedpred.tables.heights import Still
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import lines_of, of_width
@@ -43,6 +45,9 @@ _BOXES = (
     "Write the middle of the lower edge of each box into a table with the columns frame,id,x_px,y_px, "
     "and give --homography H.txt, or --scale"
 )
+_BOX_ON_GROUND = ("frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z")
+_BOXES_ON_GROUND = f"Name the columns in order: --columns {','.join(_BOX_ON_GROUND)}"
+_NARROWEST_PX = 10.0
 _LOOKED_AT, _FEWEST_ROWS = 200, 3
 _log = logging.getLogger(__name__)
 
@@ -82,16 +87,20 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     fractions = [ids.holds_fractions() for ids in both]
     ids_first = fractions[1] if any(fractions) else _ids_first(path, both, columns, position, titles)
     (who, clock), names = (both, _NAMES) if ids_first else (both[::-1], _NAMES[1::-1])
+    values = {"line": columns["line"], "x_m": position[:, 0], "y_m": position[:, 1]}
+    values["track_id"] = numbered(who, columns[names[0]], options)
     if any(fractions):
-        order, clock_is, time_s = ("id", "time"), "s", clock.written(columns[names[1]])
+        order, clock_is, rate_hz = ("id", "time"), "s", None
+        values["time_s"] = clock.written(columns[names[1]])
+        again = _without_row_numbers(path, lines_of(path, header=False).rows)
+        check_fractions(path, values, ((line, fields[int(ids_first)]) for line, fields in again))
     else:
         rate_hz = frame_rate_hz(path, lines.comments, options.rate_hz)
         if rate_hz is None:
             raise SourceError(path, None, *NO_RATE)
         order, clock_is = ("id", "frame"), f"{rate_hz:g} Hz"
-        time_s = _frames(clock, columns[names[1]]) / rate_hz
-    values = {"line": columns["line"], "time_s": time_s, "x_m": position[:, 0], "y_m": position[:, 1]}
-    values |= {"track_id": numbered(who, columns[names[0]], options)}
+        values["frame"] = _frames(clock, columns[names[1]])
+    set_time(path, values, None, rate_hz)
     if still.others_change() and (cause := _other_than_x(x, values["track_id"], values["time_s"])):
         raise SourceError(path, None, f"without a header, column 3 should be x, but it {cause}", _IN_ORDER)
     doubt_restarts(path, values)
@@ -118,6 +127,9 @@ def _check_columns(path: Path, line: int, fields: Sequence[str]) -> None:
     if dates := [k for k in (0, 1) if is_time(fields[k])]:
         problem = f"no header, and {fields[dates[0]]!r} is a time, not a number of frames or seconds"
         raise SourceError(path, line, problem, _REMEDY)
+    if _is_box_on_ground(fields):
+        problem = "these look like boxes of MOTChallenge in pixels, and behind them x, y and z on the ground"
+        raise SourceError(path, line, problem, _BOXES_ON_GROUND)
     if _is_box(fields):
         problem = "these look like boxes of MOTChallenge: frame, id, left, top, width, height in pixels"
         raise SourceError(path, line, problem, _BOXES)
@@ -132,6 +144,14 @@ def _is_box(fields: Sequence[str]) -> bool:
         len(rest) == 2 and sure in (0, 1) and rest[0].is_integer() and 0 <= rest[1] <= 1
     )
     return ends and min(width, height) > 1
+
+
+def _is_box_on_ground(fields: Sequence[str]) -> bool:
+    """Whether a line is a box that is higher than wide, a confidence, and a place on the ground."""
+    if len(fields) != len(_BOX_ON_GROUND) or not all(map(is_number, fields)):
+        return False
+    _, _, _, _, width, height, sure, *place = map(float, fields)
+    return height > width >= _NARROWEST_PX and abs(sure) <= 1 and place != [-1] * 3
 
 
 def _without_row_numbers(path: Path, rows: Iterator[Row]) -> Iterator[Row]:

@@ -10,6 +10,7 @@ from pedpred.errors import SourceError, worded
 from pedpred.scenes.scene import LATEST_S
 from pedpred.tables.titles import REST
 from pedpred.tables.units import PER_SECOND
+from pedpred.tables.wraps import unwrapped
 
 _PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
 _LONG_AGO_S = 1e8  # Unix times are later
@@ -47,17 +48,19 @@ def add_rest(columns: dict[str, np.ndarray], unit: str | None) -> bool:
 
 
 def set_time(path: Path, columns: dict[str, np.ndarray], unit: str | None, rate_hz: float | None) -> None:
-    """Make `time_s` of times in a unit, or of `frame`.
+    """Make `time_s` of times in a unit, or of `frame`; a clock that begins again goes on.
 
     Args:
         path: the file, for errors.
-        columns: with `time_s` in the unit, or `frame`; changed.
+        columns: with `time_s` in the unit, or `frame`, and `track_id` and `line`; changed.
         unit: of times; None: seconds.
         rate_hz: frames per second; None: unknown.
 
     Raises:
-        SourceError: a rate is missing, or times are too large to be seconds.
+        SourceError: a rate is missing, times are too large to be seconds, or see `unwrapped`.
     """
+    clock, of_clock = ("frame", None) if "frame" in columns else ("time_s", unit or "s")
+    columns[clock] = unwrapped(path, columns[clock], columns["track_id"], columns["line"], of_clock)
     if "frame" in columns:
         if rate_hz is None:
             problem = "frame numbers, but no rate, and no comment says the frame rate"

@@ -15,7 +15,7 @@ from pedpred.tables.names import TrackNames
 from pedpred.tables.text import Row
 from pedpred.tables.titles import naming
 
-_FEW, _MOST_RESTARTS = 10, 20
+_FEW, _MOST_RESTARTS, _FAR_STEPS = 10, 20, 20
 _log = logging.getLogger(__name__)
 
 
@@ -139,16 +139,31 @@ def without_untracked(path: Path, columns: dict[str, np.ndarray]) -> dict[str, n
 
 
 def doubt_restarts(path: Path, columns: dict[str, np.ndarray]) -> None:
-    """Warn if time begins again, with several other people each time, as where recordings were joined.
+    """Warn if time begins again, with several other people each time, or far back with the same people.
+
+    The former where recordings were joined, the latter where a clock begins again or changes its unit.
 
     Args:
         path: the file, for messages.
         columns: [M] each, with `line`, `time_s` and `track_id`, in the order of the lines.
     """
-    back = np.flatnonzero(np.diff(columns["time_s"]) < 0) + 1
+    time_s, track_id = columns["time_s"], columns["track_id"]
+    back = np.flatnonzero(np.diff(time_s) < 0) + 1
     if not 0 < len(back) <= _MOST_RESTARTS:
         return
-    people = [np.unique(ids) for ids in np.split(columns["track_id"], back)]
+    people = [np.unique(ids) for ids in np.split(track_id, back)]
     if min(map(len, people)) > 1 and len(np.unique(np.concatenate(people))) == sum(map(len, people)):
         text = "%s: time goes back in line %d, and other people follow: are these recordings to be divided?"
         _log.warning(text, path, columns["line"][back[0]])
+        return
+    order = np.argsort(track_id, kind="stable")
+    onward_s = np.diff(time_s[order])[np.diff(track_id[order]) == 0]
+    far_s = _FAR_STEPS * float(np.median(onward_s[onward_s > 0])) if (onward_s > 0).any() else np.inf
+    for row, before in zip(back.tolist(), people, strict=False):
+        if time_s[row - 1] - time_s[row] > far_s and track_id[row] in before:
+            text = (
+                "%s: time goes back from %.10g to %.10g s in line %d, and the same person follows: does %s?"
+            )
+            cause = "a clock begin again, or its unit change"
+            _log.warning(text, path, time_s[row - 1], time_s[row], columns["line"][row], cause)
+            return

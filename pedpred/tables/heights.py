@@ -33,9 +33,9 @@ class Still:
         """The rows, while it looks at them."""
         for line, fields in rows:
             if self._others:
-                self._first = self._first or fields
+                self._first = self._first or [field.strip() for field in fields]
                 for k in self._changed:
-                    self._changed[k] |= fields[k] != self._first[k]
+                    self._changed[k] |= fields[k].strip() != self._first[k]
                 for k, (least, most) in self._range.items():
                     value = _number(fields[k])
                     self._range[k] = min(least, value), max(most, value)
@@ -49,7 +49,7 @@ class Still:
         """The column that changes in place of the other one, and how that one does; None: all is well."""
         if not self._changed[self._at]:
             changes = [k for k in self._others if self._changed[k]]
-            return (changes[0], f"is {self._first[self._at].strip()} in all lines") if changes else None
+            return (changes[0], f"is {self._first[self._at]} in all lines") if changes else None
         if self._beside is None or not self._range:
             return None
         width = {k: most - least for k, (least, most) in self._range.items()}

@@ -21,7 +21,7 @@ from pedpred.tables.dates import is_time
 from pedpred.tables.decimals import has_decimal_comma
 from pedpred.tables.quotes import joined
 from pedpred.tables.text import Row, check_width, is_number, text_lines
-from pedpred.tables.titles import titles_of_tracks
+from pedpred.tables.titles import joined_titles, numbered_pairs, titles_of_fields, titles_of_tracks
 from pedpred.tables.units import LENGTH_WORDS, TIME_WORDS
 
 _SEPARATORS = (";", "\t", "|", ",")
@@ -32,6 +32,8 @@ _UTF8 = "Save it as text in UTF-8"
 _MOST_ABOVE = 50
 """Lines above a header."""
 _NO_UNIT = {"", "-", "--", "1", "none", "n/a", "m/s", "m/s2", "deg", "rad", "°", "id"}
+_MOST_LEVELS = 3
+"""Rows of a header."""
 _FEWEST = 3
 """Numbers that a row has at least, and one with decimal commas and blanks between them."""
 _WIDTH = "Each line must have a value for each title, also where one is empty"
@@ -78,7 +80,7 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
         comment = _is_comment(text)
         separator = _separator(text)
         titles = titles_in(text)
-        if comment and (columns or not header or not _names_tracks(titles)):
+        if comment and (columns or not header or not _says_columns(titles)):
             if len(comments) < MOST_COMMENTS:
                 comments.append(text.strip())
             continue
@@ -111,7 +113,7 @@ def has_header(path: Path) -> bool:
             fields = _split(text, separator)
             words = not any(map(_is_numeric, fields)) or _names_tracks(titles_in(text))
             return (words and not _is_numeric(fields[0])) or len(fields) in widths
-        if _names_tracks(titles := titles_in(text)):
+        if _says_columns(titles := titles_in(text)):
             widths = {len(titles)}
     return False
 
@@ -157,6 +159,8 @@ def _lines(path: Path, header: bool, columns: Sequence[str] | None = None) -> It
     if not header:
         return lines
     begin = list(islice(lines, _MOST_ABOVE))
+    if columns is None and not any(_names_tracks(titles_in(text)) for _, text in begin):
+        begin = _with_joined_titles(begin)
     above = _count_above([text for _, text in begin], columns)
     noted = [(line, text if _is_comment(text) else f"# {text}") for line, text in begin[:above]]
     return chain(noted, begin[above:], lines)
@@ -172,6 +176,23 @@ def _count_above(texts: Sequence[str], columns: Sequence[str] | None) -> int:
         if not _is_comment(text) and _count_values(titles, columns) >= fewest:
             return _begin_of_header(texts[:at], columns) if columns else 0
     return 0
+
+
+def _with_joined_titles(begin: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """The lines with the rows of a header that name tracks together as one row, as pandas writes levels."""
+    for at, (line, text) in enumerate(begin):
+        separator = _separator(text)
+        if _is_comment(text) or separator is None or _count_values(titles_in(text), None) >= _FEWEST:
+            continue
+        for rows in range(2, _MOST_LEVELS + 1):
+            levels = [titles_in(text) for _, text in begin[at : at + rows]]
+            if len(set(map(len, levels))) != 1 or _count_values(levels[-1], None):
+                break
+            titles = joined_titles(levels)
+            if _says_columns(titles):
+                quoted = (f'"{title.replace(chr(34), chr(34) * 2)}"' for title in titles)
+                return [*begin[:at], (line, separator.join(quoted)), *begin[at + rows :]]
+    return begin
 
 
 def _begin_of_header(before: Sequence[str], columns: Sequence[str]) -> int:
@@ -264,7 +285,7 @@ def titles_in(text: str) -> list[str]:
     """Titles in a line; between blanks, a unit in brackets belongs to the title before it."""
     separator, plain = _separator(text), text.lstrip(_BLANKS).lstrip("#%/")
     joined = plain if separator else re.sub(r"\s+(?=[\[(])", "", plain)
-    return [title.strip() for title in _split(joined, separator)]
+    return titles_of_fields([title.strip() for title in _split(joined, separator)])
 
 
 def _holds_numbers(fields: Sequence[str], columns: Sequence[str] | None) -> bool:
@@ -302,6 +323,11 @@ def _split(text: str, separator: str | None) -> Sequence[str]:
         plain = text.strip(_BLANKS if separator else None)
         return next(csv.reader([plain], delimiter=separator or " ", skipinitialspace=True))
     return text.split(separator)
+
+
+def _says_columns(titles: Sequence[str]) -> bool:
+    """Whether a comment has titles: those of tracks, or of columns of several people."""
+    return _names_tracks(titles) or len(numbered_pairs(titles)) > 1
 
 
 def _names_tracks(titles: Sequence[str]) -> bool:

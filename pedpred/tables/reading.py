@@ -29,6 +29,7 @@ from pedpred.tables.detections import (
     without_other_rows,
     without_untracked,
 )
+from pedpred.tables.fractions import check_fractions
 from pedpred.tables.heights import Still
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import Lines, lines_of, of_width
@@ -39,6 +40,7 @@ from pedpred.tables.titles import (
     LENGTHS,
     REST,
     columns_of_classes,
+    columns_of_flags,
     columns_of_heights,
     columns_of_recordings,
     is_part_of_time,
@@ -51,7 +53,12 @@ from pedpred.tables.units import PIXELS, UNITS
 
 _LONG = "Write a line per person and instant, with columns such as time,id,x,y"
 _PAIRS = {"position": LENGTHS, "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
-_LONGEST_TITLES, _SHOWN_NAMES, _MOST_RECORDINGS = 200, 3, 500
+_LONGEST_TITLES, _SHOWN_NAMES = 200, 3
+_FEW_RECORDINGS, _MOST_RECORDINGS, _FEWEST_ROWS = 10, 500, 10
+"""More values than the first count messages, unless each is in so many rows."""
+_TRUTH = dict.fromkeys(("0", "0.0", "false", "f", "no"), False) | dict.fromkeys(
+    ("1", "1.0", "true", "t", "yes"), True
+)
 _log = logging.getLogger(__name__)
 
 
@@ -93,7 +100,9 @@ def of_people(
 def people_in_rows(
     path: Path, titles: Sequence[str], rows: Callable[[], Iterable[Row]], options: TableOptions
 ) -> tuple[str, set[str]] | None:
-    """The column that says who is a person, see `classes_of_people`; several recordings are warned about.
+    """The column that says who is a person, see `classes_of_people`.
+
+    Several recordings, and rows of people who were not seen, are warned about.
 
     Args:
         path: the file, for messages.
@@ -102,21 +111,31 @@ def people_in_rows(
         options: with the classes of people.
     """
     kinds, parts = columns_of_classes(titles), columns_of_recordings(titles)
-    counts: dict[str, Counter[str]] = {title: Counter() for title in (*kinds, *parts)}
+    flags = columns_of_flags(titles)
+    counts: dict[str, Counter[str]] = {title: Counter() for title in (*kinds, *parts, *flags)}
     if counts:
         at = {title: titles.index(title) for title in counts}
         for _, fields in rows():
             for title, column in at.items():
                 counts[title][label_of(fields[column])] += 1
     for title in parts:
-        values = sorted(set(counts[title]) - {""})
-        if 1 < len(values) <= _MOST_RECORDINGS:
+        values, count = sorted(set(counts[title]) - {""}), sum(counts[title].values())
+        if 1 < len(values) <= max(_FEW_RECORDINGS, min(_MOST_RECORDINGS, count / _FEWEST_ROWS)):
             shown = ", ".join(values[:_SHOWN_NAMES]) + ", ..." * (len(values) > _SHOWN_NAMES)
             part = f"divide the {worded('file', 'table')} if they are several"
             text = f"%s: column %s holds %s: all are read as one recording; {part}"
             if is_part_of_time(title):
                 text += ", or write one column of times if they are parts of these"
             _log.warning(text, path, title, shown)
+    for title, of_nobody in flags.items():
+        unseen = sum(
+            count for value, count in counts[title].items() if _TRUTH.get(value.lower()) is of_nobody
+        )
+        if unseen:
+            text = (
+                "%s: column %s is %s in %d rows, which are read like others: remove them if nobody was seen"
+            )
+            _log.warning(text, path, title, of_nobody, unseen)
     if kinds or options.classes:
         return classes_of_people(path, {title: counts[title] for title in kinds}, options.classes)
     return None
@@ -185,8 +204,11 @@ def _read(
             _log.warning(text, path, titles[at[clock]])
         if REST in at and not add_rest(columns, _said(titles[at[REST]])):
             del wanted[titles[at[REST]]]
-        set_time(path, columns, units[clock], rate_hz)
         columns["track_id"] = numbered(ids, columns["track_id"], options)
+        if lines is not None and clock == "time_s" and REST not in at and units[clock] in (None, "s"):
+            again = lines_of(path, options.columns).rows
+            check_fractions(path, columns, ((line, fields[at[clock]]) for line, fields in again))
+        set_time(path, columns, units[clock], rate_hz)
         doubt_restarts(path, columns)
         columns = without_copies(path, without_untracked(path, columns), options.names)
         del columns["line"]
@@ -226,13 +248,22 @@ def _wanted(path: Path, titles: Sequence[str]) -> dict[str, str]:
         return titles_of_tracks(titles)
     except ValueRuleError as cause:
         pairs = numbered_pairs(titles)
-        if len(pairs) < 2 or any((said := meaning_of(title)) and said.name in LENGTHS for title in titles):
-            raise SourceError(
-                path, None, cause.rule, f"Rename columns in the {worded('file', 'table')}. Or: {_named()}"
-            ) from cause
+        is_axis = any((said := meaning_of(title)) and said.name in LENGTHS for title in titles)
         shown = " and ".join(", ".join(pair) for pair in pairs[:2])
+        if again := _repeated_axes(titles):
+            shown = f"{' and '.join(again)}, which are there several times,"
+        elif len(pairs) < 2 or is_axis:
+            remedy = f"Rename columns in the {worded('file', 'table')}. Or: {_named()}"
+            raise SourceError(path, None, cause.rule, remedy) from cause
         problem = f"columns {shown} are those of several people, or corners of boxes"
         raise SourceError(path, None, problem, _LONG) from cause
+
+
+def _repeated_axes(titles: Sequence[str]) -> list[str]:
+    """Titles of x and y, if each is that of several columns."""
+    again = [title for title, count in Counter(titles).items() if count > 1]
+    meant = {meaning.name: title for title in again if (meaning := meaning_of(title))}
+    return [meant[name] for name in LENGTHS] if set(LENGTHS) <= set(meant) else []
 
 
 def numbered(ids: Ids, column: np.ndarray, options: TableOptions) -> np.ndarray:

@@ -25,7 +25,7 @@ OWN_FILE = "Correct the line, or remove it"
 """What to do about a wrong line in a file of one's own."""
 OWN_VALUES = "Correct these values, or remove their lines"
 """What to do about values that may be in several lines of it."""
-AS_TIMES = "Write times as seconds, or as 2024-03-05 14:02:07.5"
+AS_TIMES = "Write times as seconds, or as 2024-03-05 14:02:07.5, all in the same form"
 """What to do about a time that is neither."""
 
 _FETCHED = "Correct the file or fetch it again"

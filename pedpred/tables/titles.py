@@ -56,9 +56,11 @@ _CLASS, _APART = (
         "class classes category categories type types label labels kind classification klasse typ kategorie "
         "clase tipo categoria classe categorie",
         "scene run trial recording video session experiment scenario floor storey camera cam dataset "
-        "sequence episode clip day hour",
+        "sequence episode clip day hour topic log",
     )
 )
+_FLAGS = {"valid": False, "lost": True, "outside": True, "missing": True}
+"""Titles of columns that say whether somebody was seen, and what they hold where nobody was."""
 _CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
 _STEPS = {"step", "simulation", "sim"}
 _FILLERS = {"in"}
@@ -69,6 +71,7 @@ _KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *_STEPS, *LENGTH_WORDS, *TIME_
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]+")
 _SIGN = re.compile(r"[^\w\s\-./()\[\]{}:,#]")
 """Signs that change what a title means, such as those of inches and degrees."""
+_FIELD, _UNNAMED = "field.", re.compile(r"Unnamed: \d+_level_\d+")
 _SHORTEST_ALONE = 3
 """A unit of time may stand alone in a title (`sec`), but no letter or two (`s`), which may mean anything."""
 
@@ -128,6 +131,11 @@ def columns_of_recordings(titles: Sequence[str]) -> list[str]:
     ]
 
 
+def columns_of_flags(titles: Sequence[str]) -> dict[str, bool]:
+    """Titles of columns that say whether somebody was seen, and what they hold where nobody was."""
+    return {title: _FLAGS[word] for title in titles if (word := title.strip().lower()) in _FLAGS}
+
+
 def is_part_of_time(title: str) -> bool:
     """Whether a column may count days, hours or minutes of times that another one goes on with."""
     return bool({part.lower() for part in _WORD.findall(title)} & (_MINUTES | {"day", "hour"}))
@@ -173,6 +181,23 @@ def _words(title: str) -> list[str]:
         parts = [pair for pair in pairs if set(pair) <= _KNOWN]
         words += [word] if word in _KNOWN or len(parts) != 1 else parts[0]
     return words
+
+
+def joined_titles(levels: Sequence[Sequence[str]]) -> list[str]:
+    """One title for each column of a header with several rows; pandas numbers levels without a name."""
+    return [
+        " ".join(level for level in column if level and not _UNNAMED.fullmatch(level))
+        for column in zip(*levels, strict=True)
+    ]
+
+
+def titles_of_fields(titles: Sequence[str]) -> list[str]:
+    """Titles without what `rostopic echo -p` writes before those of a message's fields; its stamps are ns."""
+    first, *others = titles
+    if first != "time" or not others or not all(title.startswith(_FIELD) for title in others):
+        return list(titles)
+    fields = (title.removeprefix(_FIELD) for title in others)
+    return [f"{first} [ns]", *(f"{title} [ns]" if title.endswith("stamp") else title for title in fields)]
 
 
 def numbered_pairs(titles: Sequence[str]) -> list[tuple[str, str]]:
