@@ -16,7 +16,7 @@ from pedpred.forecasting.chain import Chain, forecast_blocks
 from pedpred.forecasting.tensors import predictions_of
 from pedpred.models.contract import RecurrentNetwork, Tensors
 from pedpred.models.lstm.autoencoder import GridEncoder
-from pedpred.models.lstm.encoding import encode, load_encoder
+from pedpred.models.lstm.encoding import encode_once, load_encoder
 from pedpred.models.registry import load_format, load_network
 from pedpred.models.rolling import recall
 from pedpred.scenes import Predictions
@@ -97,7 +97,7 @@ class NetworkForecaster:
         stored = [request.inputs(self.features, row, time_s) for row, time_s in instants]
         channels = [self.features.channels(columns) for columns in stored]
         if self.encoder is not None:
-            embedded = encode(self.encoder, np.concatenate([columns["occupancy"] for columns in stored]))
+            embedded = encode_once(self.encoder, np.concatenate([columns["occupancy"] for columns in stored]))
             parts = np.split(embedded, np.cumsum([len(row) for row, _ in instants])[:-1])
             for columns, part in zip(channels, parts, strict=True):
                 columns[EMBEDDED] = part

@@ -42,7 +42,7 @@ def float_crops(packed: np.ndarray, cells: int) -> torch.Tensor:
 
 @torch.no_grad()
 def encode(encoder: GridEncoder, packed: np.ndarray) -> np.ndarray:
-    """The frozen convolutions' outputs of bit-packed crops, in cache-sized batches, of equal crops once.
+    """The frozen convolutions' outputs of bit-packed crops, in cache-sized batches.
 
     Args:
         encoder: pre-trained.
@@ -51,15 +51,18 @@ def encode(encoder: GridEncoder, packed: np.ndarray) -> np.ndarray:
     Returns:
         Embeddings. [M, C] float32
     """
-    row = np.dtype((np.void, packed.shape[1]))  # compared as a whole, not byte by byte
-    _, first, index = np.unique(
-        np.ascontiguousarray(packed).view(row).ravel(), return_index=True, return_inverse=True
-    )
-    different = packed[first]
     fast = encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     # Filled, not collected: small pieces kept between the layers' large outputs make the heap grow.
-    embeddings = np.empty((len(different), encoder.fc.in_features), np.float32)
-    for at in range(0, len(different), CROPS_AT_ONCE):
+    embeddings = np.empty((len(packed), encoder.fc.in_features), np.float32)
+    for at in range(0, len(packed), CROPS_AT_ONCE):
         batch = slice(at, at + CROPS_AT_ONCE)
-        embeddings[batch] = fast.embedding(float_crops(different[batch], encoder.sides[0])).numpy()
-    return embeddings[index]
+        embeddings[batch] = fast.embedding(float_crops(packed[batch], encoder.sides[0])).numpy()
+    return embeddings
+
+
+def encode_once(encoder: GridEncoder, packed: np.ndarray) -> np.ndarray:
+    """`encode` with each of equal crops encoded once; without a map, all are the free one."""
+    row = np.dtype((np.void, packed.shape[1]))  # compared as a whole, not byte by byte
+    rows = np.ascontiguousarray(packed).view(row).ravel()
+    _, first, index = np.unique(rows, return_index=True, return_inverse=True)
+    return encode(encoder, packed[first])[index]
