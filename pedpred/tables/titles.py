@@ -193,11 +193,11 @@ def joined_titles(levels: Sequence[Sequence[str]]) -> list[str]:
 
 def titles_of_fields(titles: Sequence[str]) -> list[str]:
     """Titles without what `rostopic echo -p` writes before those of a message's fields; its stamps are ns."""
-    first, *others = titles
-    if first != "time" or not others or not all(title.startswith(_FIELD) for title in others):
+    first, others = list(titles[:1]), titles[1:]
+    if first != ["time"] or not others or not all(title.startswith(_FIELD) for title in others):
         return list(titles)
     fields = (title.removeprefix(_FIELD) for title in others)
-    return [f"{first} [ns]", *(f"{title} [ns]" if title.endswith("stamp") else title for title in fields)]
+    return ["time [ns]", *(f"{title} [ns]" if title.endswith("stamp") else title for title in fields)]
 
 
 def numbered_pairs(titles: Sequence[str]) -> list[tuple[str, str]]:
