@@ -106,8 +106,9 @@ def test_both_packages_have_one_version():
     assert f'version="{version}"' in (PACKAGE / "setup.py").read_text()
 
 
-def test_rviz_shows_the_topics_of_the_namespace_and_the_map_that_the_node_uses(monkeypatch):
-    """Without `launch`, which has no wheel: what the launch file asks of RViz."""
+@pytest.fixture
+def launched(monkeypatch):
+    """Arguments of the node and of RViz in the launch file, run without `launch`, which has no wheel."""
     modules = ("launch", "launch.actions", "launch.conditions", "launch.substitutions", "launch_ros")
     modules += ("launch_ros.actions", "launch_ros.parameter_descriptions", "ament_index_python.packages")
     stand_ins = {name: MagicMock() for name in (*modules, "ament_index_python")}
@@ -116,11 +117,23 @@ def test_rviz_shows_the_topics_of_the_namespace_and_the_map_that_the_node_uses(m
     for name, module in stand_ins.items():
         monkeypatch.setitem(sys.modules, name, module)
     runpy.run_path(str(PACKAGE / "launch/pedpred.launch.py"))["generate_launch_description"]()
-    asked = stand_ins["launch_ros.actions"].Node.call_args.kwargs
+    actions = stand_ins["launch_ros.actions"]
+    return actions.LifecycleNode.call_args.kwargs, actions.Node.call_args.kwargs
+
+
+def test_node_and_rviz_take_the_same_transforms(launched):
+    for asked in launched:
+        remapped = dict(asked["remappings"])
+        assert (remapped["/tf"], remapped["/tf_static"]) == ("<tf>", ["<tf>", "_static"])
+
+
+def test_rviz_shows_the_topics_of_the_namespace_and_the_map_that_the_node_uses(launched):
+    _, asked = launched
     topics = re.findall(r"Value: (/\S+)", (PACKAGE / "rviz/pedpred.rviz").read_text())
     assert len(topics) == 4
     expected = {topic: "<map>" if topic == "/map" else topic[1:] for topic in topics}
-    assert (asked["namespace"], dict(asked["remappings"])) == ("<namespace>", expected)
+    shown = {topic: name for topic, name in asked["remappings"] if not topic.startswith("/tf")}
+    assert (asked["namespace"], shown) == ("<namespace>", expected)
 
 
 def test_help_lists_every_parameter_without_an_installed_ros():
