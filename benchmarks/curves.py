@@ -98,7 +98,8 @@ def main() -> None:
             sensor = SensorSettings(rate_hz=rate_hz, position_noise_m=noise_m)
             network = network_m(scene, sensor, options.model, options.trust)
             best = filter_m(scene, sensor)
-            row = {"turn rate, rad/s": turn_radps, "rate, Hz": rate_hz, "noise, m": noise_m}
+            case = {"turn rate, rad/s": turn_radps, "rate, Hz": rate_hz, "noise, m": noise_m}
+            row = {name: f"{value:g}" for name, value in case.items()}
             ratio = network / best if best > _LEVEL_M else float("nan")
             rows.append(row | {"network": network, "best filter": best, "network / filter": ratio})
     tell("ADE, m", rows)
