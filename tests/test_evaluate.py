@@ -279,6 +279,21 @@ def test_tables_with_steps_of_different_lengths_are_measured_beside_each_other(w
         measured(walk, *given, "--step-s", 0.3, out=tmp_path / "e.json")
 
 
+@pytest.mark.parametrize(
+    ("rows", "step_s", "warned"), [(12, 0.3, False), (10, None, False), (11, None, True), (12, None, True)]
+)
+def test_steps_that_nobody_said_the_length_of_are_doubted(
+    rows, step_s, warned, walk, tmp_path, mixture, caplog
+):
+    """Twelve steps are mostly 0.4 s apart, as in the literature, and windows have ten of 0.3 s."""
+    (tmp_path / "straight.csv").write_text(straight_lines(rows, 0.3))
+    said = () if step_s is None else ("--step-s", step_s)
+    given = ("--forecasts", tmp_path / "straight.csv", "--model", mixture[0], *said)
+    measured(walk, *given, out=tmp_path / "e.json")
+    text = f"has {rows} steps and windows have 10: its steps are taken to be 0.3 s apart"
+    assert (text in caplog.text) is warned
+
+
 @pytest.mark.parametrize(("factor", "warned"), [(1.0, False), (100.0, True)])
 def test_forecasts_in_another_unit_are_warned_about(walk, factor, warned, tmp_path, mixture, caplog):
     head, *rows = straight_lines(12, 0.3).splitlines()

@@ -98,6 +98,7 @@ class ForeignForecasts:
         if not answered.all():
             text = "%s has forecasts for %d of %d windows; all methods are compared there"
             _LOG.info(text, self.source, answered.sum(), len(answered))
+        self._say_step(request)
         way_m = np.linalg.norm(self.path[rows, 0, 0] - asked.last_position, axis=-1)[answered]
         speed_mps = float(np.median(way_m)) / (self.step_s or request.sizes.dt_s)
         if speed_mps > FASTEST_MPS:
@@ -122,6 +123,14 @@ class ForeignForecasts:
         part = ((ahead_s - knots_s[after - 1]) / (knots_s[after] - knots_s[after - 1]))[:, None]
         path = (1.0 - part) * known[:, :, after - 1] + part * known[:, :, after]
         return Predictions(path[:, 0], path, self.weight[rows], dt_s)
+
+    def _say_step(self, request: ForecastRequest) -> None:
+        """Warn that nobody said how far apart steps are whose number differs from that of the windows."""
+        steps, usual, dt_s = self.path.shape[2], request.sizes.horizon_steps, request.sizes.dt_s
+        if self.step_s is None and steps > usual:
+            text = "%s has %d steps and windows have %d: its steps are taken to be %g s apart, like those of "
+            text += "windows; --step-s says how far apart they are"
+            _LOG.warning(text, self.source, steps, usual, dt_s)
 
     def _rows(self, track_id: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         """Row of the forecast of each window, -1 where there is none. [W]."""
