@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import cycle
 from pathlib import Path
@@ -144,6 +144,21 @@ class ForeignForecasts:
         best = np.take_along_axis(near, gaps_s.argmin(axis=0)[None], axis=0)[0]
         rows: np.ndarray = np.where(gaps_s.min(axis=0) <= _SAME_S, best, -1)
         return rows
+
+
+def answered_by_all(foreign: Mapping[str, ForeignForecasts], request: ForecastRequest) -> np.ndarray:
+    """Which windows have a forecast in every file. [W] bool.
+
+    Raises:
+        SourceError: a file has none.
+        ValueRuleError: there is no such window.
+    """
+    answered: np.ndarray = np.logical_and.reduce(
+        [forecasts.answered(request) for forecasts in foreign.values()]
+    )
+    if not answered.any():
+        raise ValueRuleError("--forecasts", list(foreign), "no window has a forecast in each of the files")
+    return answered
 
 
 def steps_of_tables(files: Sequence[Path], steps_s: Sequence[float]) -> dict[Path, float]:
