@@ -188,6 +188,16 @@ def test_one_track_has_no_interval(walk, mixture, capsys):
     assert last.endswith("(one track alone says little of others, so there is no interval)")
 
 
+@pytest.mark.parametrize(("tracks", "doubted"), [(2, True), (3, True), (9, True), (10, False), (40, False)])
+def test_intervals_over_few_tracks_are_doubted(tracks, doubted, tmp_path, mixture, caplog):
+    """Of two tracks, a bootstrap interval reaches from one mean to the other: every second one misses."""
+    places = [(0.4 * k, who, 0.4 * k, 3.0 * who) for k in range(14) for who in range(tracks)]
+    rows = "".join(f"{t:.1f},{who},{x:.1f},{y}\n" for t, who, x, y in places)
+    (tmp_path / "few.csv").write_text("time,id,x,y\n" + rows)
+    main(["evaluate", str(tmp_path / "few.csv"), "--model", str(mixture[0]), *FAST])
+    assert (f"few: 95 % intervals over {tracks} tracks are too narrow" in caplog.text) is doubted
+
+
 # Forecasts of others
 
 

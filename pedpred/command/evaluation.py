@@ -25,7 +25,7 @@ from pedpred.command.foreign import (
     steps_of_tables,
 )
 from pedpred.command.prediction import read_tracker, robot_for
-from pedpred.command.tables import SHOWN, caution, remark, table, verdict
+from pedpred.command.tables import SHOWN, caution, doubt_intervals, remark, table, verdict
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
 from pedpred.files import write_json
 from pedpred.literature.stretches import TOLERANCE_S
@@ -82,6 +82,9 @@ def evaluate(arguments: argparse.Namespace) -> None:
         )
     sys.stdout.write(verdict(list(scores.values())[-1], settings))
     sys.stdout.writelines(remark(name, rows) for name, rows in figures.items())
+    for name, recorded in scores.items():
+        if doubt := doubt_intervals(len(np.unique(next(iter(recorded.values())).track))):
+            _log.warning("%s: %s", name, doubt)
     sys.stdout.writelines(caution(name, place) for name, place in places.items())
     if arguments.json is not None:
         write_json(arguments.json, figures)
