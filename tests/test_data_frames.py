@@ -279,6 +279,22 @@ def test_what_is_wrong_with_forecasts_in_parquet_is_said(tmp_path, forecasts, ch
         read_forecasts(tmp_path / "theirs.parquet", None)
 
 
+@pytest.mark.parametrize("kind", ["float64", "float32", "int8", "uint16"])
+def test_whole_numbers_in_parquet_may_be_of_any_type(tmp_path, forecasts, kind):
+    """A column that once missed a value, or was merged, is one of floats."""
+    forecasts.to_parquet(tmp_path / "usual.parquet")
+    forecasts.astype(dict.fromkeys(("track", "mode", "step"), kind)).to_parquet(tmp_path / "theirs.parquet")
+    usual, theirs = (read_forecasts(tmp_path / f"{name}.parquet", None) for name in ("usual", "theirs"))
+    np.testing.assert_array_equal(theirs.track_id, usual.track_id)
+    np.testing.assert_array_equal(theirs.path, usual.path)
+
+
+def test_ids_that_floats_have_rounded_are_refused(tmp_path, forecasts):
+    forecasts.assign(track=2.0**53).to_parquet(tmp_path / "theirs.parquet")
+    with pytest.raises(SourceError, match="column track holds other values than whole numbers"):
+        read_forecasts(tmp_path / "theirs.parquet", None)
+
+
 def test_a_column_that_is_missing_in_parquet_is_named(tmp_path, forecasts):
     forecasts.drop(columns="x").to_parquet(tmp_path / "theirs.parquet")
     with pytest.raises(SourceError, match="no column x"):

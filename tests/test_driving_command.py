@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import pedpred
-from pedpred.command import main
+from pedpred.command import driving, main
 from pedpred.driving.figures import Episodes, equal_time, figures_of, summary
 from pedpred.driving.measures import Measures
 from pedpred.driving.table import Condition, Row, read_table, write_table
@@ -69,6 +69,39 @@ def test_drives_of_other_settings_are_not_added(tmp_path):
     (tmp_path / "table.csv").write_text("place,robot\nhere,there\n")
     with pytest.raises(SystemExit, match="line 2 is not a row"):
         driven(tmp_path / "table.csv", *options)
+
+
+@pytest.fixture
+def beside(monkeypatch):
+    """Does something after the drives of the next run, before it writes them."""
+
+    def after(action):
+        usual = driving.run
+
+        def run_with(*given):
+            monkeypatch.setattr(driving, "run", usual)
+            yield from usual(*given)
+            action()
+
+        monkeypatch.setattr(driving, "run", run_with)
+
+    return after
+
+
+def test_drives_that_another_run_adds_meanwhile_stay(tmp_path, beside):
+    """As of two methods in two windows of a terminal; a later one of them wrote its own drives alone."""
+    table, few = tmp_path / "table.csv", ("--episodes", "2", "--risk", "0.1")
+    whole = driven(tmp_path / "whole.csv", *few, "--method", "standing", "--method", "kalman")
+    beside(lambda: driven(table, *few, "--method", "standing"))
+    assert driven(table, *few, "--method", "kalman") == whole
+
+
+def test_drives_of_other_settings_that_are_added_meanwhile_stay(tmp_path, beside):
+    table, few = tmp_path / "table.csv", ("--episodes", "2", "--method", "standing")
+    beside(lambda: driven(table, *few, "--radius-m", "0.4"))
+    with pytest.raises(SystemExit, match="its drives are of another recording, map, robot"):
+        driven(table, *few)
+    assert table.read_bytes() == driven(tmp_path / "whole.csv", *few, "--radius-m", "0.4")
 
 
 def test_drives_of_another_version_are_not_added(tmp_path, monkeypatch):
@@ -193,8 +226,6 @@ def test_pictures_are_the_same_bytes_each_time(tmp_path):
 
 
 def test_without_matplotlib_a_picture_is_refused_before_work_begins(tmp_path, monkeypatch):
-    from pedpred.command import driving
-
     monkeypatch.setattr(driving, "find_spec", lambda name: None)
     arguments = [str(ROOT / "examples/corner"), "--table", str(tmp_path / "drives.csv"), "--episodes", "1"]
     with pytest.raises(SystemExit, match=r'pip install "pedpred\[pictures\]"'):

@@ -188,6 +188,16 @@ def test_one_track_has_no_interval(walk, mixture, capsys):
     assert last.endswith("(one track alone says little of others, so there is no interval)")
 
 
+@pytest.mark.parametrize(("tracks", "doubted"), [(2, True), (3, True), (9, True), (10, False), (40, False)])
+def test_intervals_over_few_tracks_are_doubted(tracks, doubted, tmp_path, mixture, caplog):
+    """Of two tracks, a bootstrap interval reaches from one mean to the other: every second one misses."""
+    places = [(0.4 * k, who, 0.4 * k, 3.0 * who) for k in range(14) for who in range(tracks)]
+    rows = "".join(f"{t:.1f},{who},{x:.1f},{y}\n" for t, who, x, y in places)
+    (tmp_path / "few.csv").write_text("time,id,x,y\n" + rows)
+    main(["evaluate", str(tmp_path / "few.csv"), "--model", str(mixture[0]), *FAST])
+    assert (f"few: 95 % intervals over {tracks} tracks are too narrow" in caplog.text) is doubted
+
+
 # Forecasts of others
 
 
@@ -277,6 +287,21 @@ def test_tables_with_steps_of_different_lengths_are_measured_beside_each_other(w
     assert [figures[name]["ade_m"] for name in ("0.4", "0.5")] == pytest.approx([0.0, 0.0], abs=1e-5)
     with pytest.raises(SystemExit, match="once for all tables, or once for each of 2"):
         measured(walk, *given, "--step-s", 0.3, out=tmp_path / "e.json")
+
+
+@pytest.mark.parametrize(
+    ("rows", "step_s", "warned"), [(12, 0.3, False), (10, None, False), (11, None, True), (12, None, True)]
+)
+def test_steps_that_nobody_said_the_length_of_are_doubted(
+    rows, step_s, warned, walk, tmp_path, mixture, caplog
+):
+    """Twelve steps are mostly 0.4 s apart, as in the literature, and windows have ten of 0.3 s."""
+    (tmp_path / "straight.csv").write_text(straight_lines(rows, 0.3))
+    said = () if step_s is None else ("--step-s", step_s)
+    given = ("--forecasts", tmp_path / "straight.csv", "--model", mixture[0], *said)
+    measured(walk, *given, out=tmp_path / "e.json")
+    text = f"has {rows} steps and windows have 10: its steps are taken to be 0.3 s apart"
+    assert (text in caplog.text) is warned
 
 
 @pytest.mark.parametrize(("factor", "warned"), [(1.0, False), (100.0, True)])

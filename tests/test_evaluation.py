@@ -132,6 +132,30 @@ def test_a_window_without_a_forecast_is_refused():
         score(nothing, np.zeros((3, 2, 2)), np.arange(3), metric_scene(3))
 
 
+@pytest.mark.parametrize(
+    ("field", "worst"),
+    [
+        ("path", np.nan),
+        ("path", np.inf),
+        ("covariance", np.nan),
+        ("covariance", np.zeros((2, 2))),
+        ("covariance", np.ones((2, 2))),
+        ("covariance", np.diag([0.0, 1.0])),
+        ("covariance", -np.eye(2)),
+    ],
+)
+def test_no_figure_leaves_out_windows_that_a_method_cannot_be_measured_in(field, worst):
+    """A mean over the others alone would let it gain by what it does not answer."""
+    paths, covariance = np.zeros((3, 2, 2, 2)), np.tile(np.eye(2), (3, 2, 2, 1, 1))
+    arrays = {"path": paths, "covariance": covariance}
+    arrays[field][2, 1, 1] = worst
+    some = Predictions(np.zeros((3, 2, 2)), paths, np.full((3, 2), 0.5), 0.3, covariance)
+    with pytest.raises(ValueRuleError, match=r"every window|window 2, mode 1, step 2 must be positive"):
+        score(some, np.ones((3, 2, 2)), np.arange(3), metric_scene(3))
+    whole = score(some.select([0, 1]), np.ones((2, 2, 2)), np.arange(2), metric_scene(2))
+    assert np.isfinite([whole.values["nll"], whole.values["energy_score_m"]]).all()
+
+
 def test_figures_that_are_no_number_are_null():
     """One replicate may draw no track that has a value; JSON has no NaN."""
     values = np.array([1.0, *[np.nan] * 9])

@@ -7,6 +7,7 @@ import logging
 import sys
 import time
 from collections.abc import Sequence
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -50,7 +51,8 @@ def drive(arguments: argparse.Namespace) -> None:
     if arguments.record is not None:
         _record(Runner(places, settings, models), asked, arguments)
         return
-    rows = _known(arguments.table, places, settings, models)
+    known = partial(_known, arguments.table, places, settings, models)
+    rows = known()
     done = {(row.episode, row.condition) for row in rows}
     wanted = {
         number: missing
@@ -64,11 +66,11 @@ def drive(arguments: argparse.Namespace) -> None:
         for new, own_s in tqdm(drives, total=len(wanted), desc=f"drive {places.name}", unit="episode"):
             rows, cycles = rows + new, cycles + own_s
             if time.monotonic() - saved_s > _SAVED_EVERY_S:
-                write_table(arguments.table, rows)
+                write_table(arguments.table, _joined(rows, known()))
                 saved_s = time.monotonic()
     finally:
         if rows:
-            write_table(arguments.table, rows)
+            write_table(arguments.table, _joined(rows, known()))
     rows = [row for row in rows if row.condition in asked and row.episode < arguments.episodes]
     figures = figures_of(rows)
     sys.stdout.write(summary(figures))
@@ -82,7 +84,7 @@ def drive(arguments: argparse.Namespace) -> None:
 
 
 def _known(path: Path, places: Places, settings: DriveSettings, models: Models) -> list[Row]:
-    """Rows of earlier runs.
+    """Rows of earlier runs, and of others that go on beside this one.
 
     Raises:
         StorageError: they are of another recording, robot or model, or of a network that is not named.
@@ -98,6 +100,12 @@ def _known(path: Path, places: Places, settings: DriveSettings, models: Models) 
         problem = "its drives are of another recording, map, robot, sensor, seed, model or version"
         raise StorageError(path, "settings", problem, "Name another table (--table), or remove this one")
     return rows
+
+
+def _joined(rows: list[Row], others: list[Row]) -> list[Row]:
+    """Rows, and those that another run has added to the table meanwhile."""
+    mine = {(row.episode, row.condition) for row in rows}
+    return rows + [row for row in others if (row.episode, row.condition) not in mine]
 
 
 def _record(runner: Runner, asked: Sequence[Condition], arguments: argparse.Namespace) -> None:

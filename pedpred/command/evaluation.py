@@ -17,13 +17,17 @@ import numpy as np
 from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.conversion import read_given
 from pedpred.command.field_protocol import assess_windows, field_table
-from pedpred.command.foreign import ForeignForecasts, names_of_files, read_forecasts, steps_of_tables
+from pedpred.command.foreign import (
+    ForeignForecasts,
+    answered_by_all,
+    names_of_files,
+    read_forecasts,
+    steps_of_tables,
+)
 from pedpred.command.prediction import read_tracker, robot_for
-from pedpred.command.tables import SHOWN, caution, remark, table, verdict
-from pedpred.errors import ValueRuleError
+from pedpred.command.tables import SHOWN, caution, doubt_intervals, remark, table, verdict
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
 from pedpred.files import write_json
-from pedpred.forecasting import ForecastRequest
 from pedpred.literature.stretches import TOLERANCE_S
 from pedpred.metrics import METRICS
 from pedpred.metrics.paths import SAME_INSTANT_S
@@ -78,6 +82,9 @@ def evaluate(arguments: argparse.Namespace) -> None:
         )
     sys.stdout.write(verdict(list(scores.values())[-1], settings))
     sys.stdout.writelines(remark(name, rows) for name, rows in figures.items())
+    for name, recorded in scores.items():
+        if doubt := doubt_intervals(len(np.unique(next(iter(recorded.values())).track))):
+            _log.warning("%s: %s", name, doubt)
     sys.stdout.writelines(caution(name, place) for name, place in places.items())
     if arguments.json is not None:
         write_json(arguments.json, figures)
@@ -113,28 +120,13 @@ def _assessed(
     if arguments.protocol:
         assessed = assess_windows(scene, predictor, arguments.model is not None, settings, foreign)
     else:
-        answered = partial(_answered, foreign) if foreign else None
+        answered = partial(answered_by_all, foreign) if foreign else None
         metrics = None if arguments.json else {key: METRICS[key] for key in SHOWN}
         assessed = assess(scene, predictor, settings, None, foreign, answered, metrics)
     for measured in assessed.values():
         for key in measured.values.keys() & meaningless:
             measured.values[key][:] = np.nan  # in this scene; another one of the pool may have it
     return assessed
-
-
-def _answered(foreign: Mapping[str, ForeignForecasts], request: ForecastRequest) -> np.ndarray:
-    """Which windows have a forecast in every file. [W] bool.
-
-    Raises:
-        SourceError: a file has none.
-        ValueRuleError: there is no such window.
-    """
-    answered: np.ndarray = np.logical_and.reduce(
-        [forecasts.answered(request) for forecasts in foreign.values()]
-    )
-    if not answered.any():
-        raise ValueRuleError("--forecasts", list(foreign), "no window has a forecast in each of the files")
-    return answered
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
-from pedpred.command.foreign import ForeignForecasts
+from pedpred.command.foreign import ForeignForecasts, answered_by_all
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import MetricSettings, Scores
 from pedpred.forecasting import ForecastRequest
@@ -59,11 +59,9 @@ def assess_windows(
     about = predictor.description
     windows = find_windows(scene, WINDOWS, predictor.filters, about.standstill_mps, memory=False)
     named = _as_recorded(windows)
-    for one in foreign.values():
-        kept = one.answered(named)
+    if foreign:
+        kept = answered_by_all(foreign, named)
         windows, named = _select(windows, kept), replace(named, rows=named.rows[kept])
-    if not len(windows.track):
-        raise ValueRuleError("--forecasts", list(foreign), "no window has a forecast in each of the files")
     scores = {key: measure(windows, make(), SAMPLES, settings) for key, make in PRESENT_MOTION.items()}
     sizes = about.protocol
     fits = (sizes.dt_s, sizes.horizon_steps) == (WINDOWS.step_s, WINDOWS.predicted_steps)

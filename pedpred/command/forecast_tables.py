@@ -28,6 +28,7 @@ COLUMNS = ("track", "time", "mode", "weight", "step", "x", "y")
 SUFFIXES = (".csv", ".parquet")
 _WHOLE = ("track", "mode", "step")
 _LARGEST_WORDS_BYTES = 2**26
+_EXACT = 2.0**53  # floats of larger whole numbers are rounded
 
 
 def forecast_table(windows: EvaluationWindows, method: str, names: TrackNames | None = None) -> pd.DataFrame:
@@ -102,15 +103,21 @@ def _read_parquet(path: Path, names: TrackNames) -> dict[str, np.ndarray]:
             names.add(words.dictionary.to_pylist())
             columns["track"] = words.indices.to_numpy()
         for name, values in columns.items():
-            whole = name in _WHOLE
-            if values.dtype.kind not in ("iu" if whole else "iuf") or not np.isfinite(values).all():
-                what = "whole" if whole else "finite"
+            what = "whole" if name in _WHOLE else "finite"
+            if values.dtype.kind not in "iuf" or not _are(what, values):
                 raise SourceError(path, None, f"column {name} holds other values than {what} numbers")
         columns = {
             name: values.astype(np.int64 if name == "track" else np.float64)
             for name, values in columns.items()
         }
     return {"line": np.arange(1, rows + 1), "track_id": columns.pop("track"), **columns}
+
+
+def _are(what: str, values: np.ndarray) -> bool:
+    """Whether all numbers are finite, or whole ones that a float holds exactly, as data frames keep them."""
+    if what == "finite" or values.dtype.kind != "f":
+        return bool(np.isfinite(values).all())
+    return bool(((values == np.rint(values)) & (np.abs(values) < _EXACT)).all())
 
 
 def _read_words(path: Path, name: str) -> pa.DictionaryArray | None:

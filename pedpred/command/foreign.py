@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import cycle
 from pathlib import Path
@@ -98,6 +98,7 @@ class ForeignForecasts:
         if not answered.all():
             text = "%s has forecasts for %d of %d windows; all methods are compared there"
             _LOG.info(text, self.source, answered.sum(), len(answered))
+        self._say_step(request)
         way_m = np.linalg.norm(self.path[rows, 0, 0] - asked.last_position, axis=-1)[answered]
         speed_mps = float(np.median(way_m)) / (self.step_s or request.sizes.dt_s)
         if speed_mps > FASTEST_MPS:
@@ -123,6 +124,14 @@ class ForeignForecasts:
         path = (1.0 - part) * known[:, :, after - 1] + part * known[:, :, after]
         return Predictions(path[:, 0], path, self.weight[rows], dt_s)
 
+    def _say_step(self, request: ForecastRequest) -> None:
+        """Warn that nobody said how far apart steps are whose number differs from that of the windows."""
+        steps, usual, dt_s = self.path.shape[2], request.sizes.horizon_steps, request.sizes.dt_s
+        if self.step_s is None and steps > usual:
+            text = "%s has %d steps and windows have %d: its steps are taken to be %g s apart, like those of "
+            text += "windows; --step-s says how far apart they are"
+            _LOG.warning(text, self.source, steps, usual, dt_s)
+
     def _rows(self, track_id: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         """Row of the forecast of each window, -1 where there is none. [W]."""
         whose, when_s = np.append(self.track_id, track_id), np.append(self.time_s, time_s)
@@ -135,6 +144,21 @@ class ForeignForecasts:
         best = np.take_along_axis(near, gaps_s.argmin(axis=0)[None], axis=0)[0]
         rows: np.ndarray = np.where(gaps_s.min(axis=0) <= _SAME_S, best, -1)
         return rows
+
+
+def answered_by_all(foreign: Mapping[str, ForeignForecasts], request: ForecastRequest) -> np.ndarray:
+    """Which windows have a forecast in every file. [W] bool.
+
+    Raises:
+        SourceError: a file has none.
+        ValueRuleError: there is no such window.
+    """
+    answered: np.ndarray = np.logical_and.reduce(
+        [forecasts.answered(request) for forecasts in foreign.values()]
+    )
+    if not answered.any():
+        raise ValueRuleError("--forecasts", list(foreign), "no window has a forecast in each of the files")
+    return answered
 
 
 def steps_of_tables(files: Sequence[Path], steps_s: Sequence[float]) -> dict[Path, float]:

@@ -140,15 +140,33 @@ def score(
         steps: measure the calibration at each step, the slowest of all.
 
     Raises:
-        ValueRuleError: a window has no forecast.
+        ValueRuleError: a window has no forecast, or one that some metrics could not measure.
     """
-    if not np.isfinite(predictions.point).all():
-        raise ValueRuleError("predictions", "not finite", "a method must forecast every window")
+    _check_all_forecast(predictions)
     inside = nll = np.zeros((len(predictions), 0))
     if steps and predictions.covariance is not None:
         inside, nll = share_inside(predictions, truth), mixture_nll(predictions, truth)
     values = {key: metric.value(predictions, truth, scene) for key, metric in metrics.items()}
     return Scores(track, values, displacement(predictions.point, truth), inside, nll)
+
+
+def _check_all_forecast(predictions: Predictions) -> None:
+    """Check that no figure of a method would be a mean over those windows alone that it can be measured in.
+
+    Raises:
+        ValueRuleError: a position is not finite, or a covariance is not positive definite.
+    """
+    if not (np.isfinite(predictions.point).all() and np.isfinite(predictions.path).all()):
+        raise ValueRuleError("predictions", "not finite", "a method must forecast every window")
+    if predictions.covariance is None:
+        return
+    covariance = np.asarray(predictions.covariance, np.float64)
+    xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+    definite = (xx > 0) & (xx * yy > xy**2) & np.isfinite(xx * yy)
+    if not definite.all():
+        window, mode, step = np.argwhere(~definite)[0].tolist()
+        rule = f"that of window {window}, mode {mode}, step {step + 1} must be positive definite"
+        raise ValueRuleError("covariance", covariance[window, mode, step].tolist(), rule)
 
 
 def join_scores(parts: Sequence[Scores], row: np.ndarray) -> Scores:
