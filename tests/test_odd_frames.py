@@ -9,6 +9,10 @@ from hypothesis import strategies as st
 
 from pedpred.errors import PedpredError, ShapeError, ValueRuleError
 from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online.frame import Frame
+from pedpred.online.given import contradicted
+from pedpred.online.people import People, register_detections
+from pedpred.tracking import KalmanBank, KalmanSettings
 
 
 def walked(robot, times, track=1):
@@ -198,6 +202,37 @@ def test_a_velocity_that_nobody_can_have_spoils_no_forecast_of_others(folder, ca
         robot.kept = forecast
     np.testing.assert_array_equal(robots[1].kept.predictions.path, robots[0].kept.predictions.path)
     assert "tracks [8]" in caplog.text
+
+
+@pytest.mark.parametrize("said", [[0.0, 0.0], [-1.0, 0.0], [0.0, 1.2]])
+def test_velocities_that_do_not_lead_from_position_to_position_are_told_once(folder, said, caplog):
+    """Of a tracker that fills in zeros: people were forecast to walk backwards, and nothing said why."""
+    robot = OnlinePredictor.load(folder)
+    for k in range(80):
+        robot.update(0.1 * k, [7, 8], [[0.12 * k, 0.0], [0.12 * k, 3.0]], [said, [1.2, 0.0]])
+    (record,) = caplog.records
+    assert "velocities of tracks [7] do not lead from position to position" in record.getMessage()
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    st.sampled_from([0.5, 1.0, 2.5, 10.0, 60.0]),
+    st.floats(0.0, 3.0),
+    st.floats(-1.0, 1.0),
+    st.floats(0.0, 0.1),
+)
+def test_true_velocities_are_believed_at_any_rate_and_noise(rate_hz, speed_mps, turn_radps, noise_m):
+    rng, people = np.random.default_rng(0), People.nobody({}, 2)
+    bank = KalmanBank.around(KalmanSettings(0.03, 0.05), learn_noise=False)
+    for now in np.arange(0.0, 30.0, 1.0 / rate_hz):
+        angle = turn_radps * now
+        where = (
+            speed_mps * now * np.sinc(angle / 2 / np.pi) * np.array([np.cos(angle / 2), np.sin(angle / 2)])
+        )
+        velocity = speed_mps * np.array([[np.cos(angle), np.sin(angle)]])
+        frame = Frame.checked(now, [1], [where + noise_m * rng.normal(size=2)], velocity)
+        people = register_detections(people, frame, bank, 0.2, 0)
+        assert not contradicted(people.astray).any()
 
 
 @pytest.mark.parametrize("wrong", [OnlineSettings, {"max_age_s": 1.0}, 0.5])

@@ -56,6 +56,7 @@ class Correction:
             position=self._places(people.position),
             velocity=self._vectors(people.velocity),
             heading_rad=heading_rad,
+            astray=self._vectors(people.astray),
             past=past
             | {
                 "trail": self._places(past["trail"]),

@@ -10,6 +10,7 @@ import numpy as np
 
 from pedpred.features import Pedestrians
 from pedpred.online.frame import Frame
+from pedpred.online.given import astray_after
 from pedpred.online.past import Arrays, first_seen, seen_again
 from pedpred.tracking import Belief, KalmanBank
 from pedpred.tracking.noise import weighted
@@ -34,6 +35,8 @@ class People:
         covariance: of the tracker's belief. [N, 3]
         heading_rad: held while standing. [N]
         walked: whether they ever moved; until then the heading follows the slightest motion. [N] bool
+        astray: from where given velocities lead to the last detection, see `pedpred.online.given`; 0 where
+            positions are filtered, m. [N, 2]
         ticks: steps of the network. [N]
         memory: the network's state after them, name -> [N, ...] float32
         past: recent detections, see `pedpred.online.past`.
@@ -51,6 +54,7 @@ class People:
     covariance: np.ndarray
     heading_rad: np.ndarray
     walked: np.ndarray
+    astray: np.ndarray
     ticks: np.ndarray
     memory: Arrays
     past: Arrays
@@ -69,7 +73,7 @@ class People:
         return cls(
             track_id=whole, life=whole, born_s=none, seen_s=none, detection=pairs, position=pairs,
             velocity=pairs, covariance=np.zeros((0, 3)), heading_rad=none, walked=np.zeros(0, bool),
-            ticks=whole, memory=empty, past=first_seen(0, slots), filters=states,
+            astray=pairs, ticks=whole, memory=empty, past=first_seen(0, slots), filters=states,
         )  # fmt: skip
 
     def select(self, rows: np.ndarray) -> People:
@@ -130,12 +134,16 @@ def register_detections(
     if velocity is None:
         before = Belief(*(people.filters[name][rows].reshape(-1, size) for name, size in _STATE.items()))
         states = bank.follow(before, people.filters["weight"][rows], dt_s, seen, standstill_mps)
+        astray = np.zeros(seen.shape)
     else:
         states = _known_states(bank, seen, velocity[known])
+        step, was = seen - people.detection[rows], people.velocity[rows]
+        astray = astray_after(people.astray[rows], dt_s, step, was, velocity[known])
     here = weighted(*states)
     heading, walked = _heading(here.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)
     moved = {
-        "seen_s": time_s, "detection": seen, "heading_rad": heading, "walked": walked, **vars(here)
+        "seen_s": time_s, "detection": seen, "heading_rad": heading, "walked": walked, "astray": astray,
+        **vars(here),
     }  # fmt: skip
     mine = {name: values[rows] for name, values in people.past.items()}
     past = seen_again(mine, people.seen_s[rows], people.detection[rows], time_s, seen)
@@ -202,8 +210,8 @@ def _newborn(
     past = first_seen(count, people.past["trail_s"].shape[1])
     return People(
         track_id=track_id, life=life, born_s=now, seen_s=now.copy(), detection=position,
-        **vars(belief), heading_rad=heading, walked=walked, ticks=np.zeros(count, np.int64), memory=memory,
-        past=past, filters=_kept(*followed),
+        **vars(belief), heading_rad=heading, walked=walked, astray=np.zeros((count, 2)),
+        ticks=np.zeros(count, np.int64), memory=memory, past=past, filters=_kept(*followed),
     )  # fmt: skip
 
 

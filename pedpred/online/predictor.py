@@ -18,6 +18,7 @@ from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
 from pedpred.online.correction import Correction
 from pedpred.online.frame import Frame
+from pedpred.online.given import contradicted
 from pedpred.online.limit import keep_to_limit
 from pedpred.online.network import ExportedNetwork, ModelDescription, network_checksum, read_description
 from pedpred.online.past import earliest, kept_before, past_of, slots_for
@@ -200,7 +201,9 @@ class OnlinePredictor:
             track_id: whole numbers of 64 bits, each at most once. [D]
             position: world frame, m; ranges are those of `Trajectories`. [D, 2]
             velocity: true velocities, for sources that know them, m/s; those above `FASTEST_MPS` are
-                shortened, with a warning. Without any, positions are filtered. [D, 2]
+                shortened, with a warning, and people whose velocities do not lead from position to position
+                are named in one. Without any, positions are filtered, which is better than a tracker's
+                estimates. [D, 2]
 
         Raises:
             ValueRuleError, ShapeError: something is not a number, out of range, or an id appears twice.
@@ -243,7 +246,15 @@ class OnlinePredictor:
     ) -> tuple[People, Place, Forecast]:
         """People after the detections of a frame, what is learned, and forecasts at a time, not before it."""
         people, frame = self._within_limit(people, frame)
+        before = people.track_id[contradicted(people.astray)]
         people = register_detections(people, frame, self._bank, self._about.standstill_mps, self._lives)
+        false = np.setdiff1d(people.track_id[contradicted(people.astray)], before, assume_unique=True)
+        if len(false):
+            text = (
+                "velocities of tracks %s do not lead from position to position until %s s: "
+                "give true ones of the world frame, or none; forecasts follow them"
+            )
+            _LOG.warning(text, self._named(false), frame.time_s)
         people, rows, predictions, velocities = self._predicted(people, time_s)
         return people, *self._forecast(people, place, rows, predictions, velocities, time_s)
 
