@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -74,8 +75,8 @@ class Detections:
         some = end > begin
         followed_s = np.zeros(len(person))
         followed_s[some] = self.time_s[end[some] - 1] - self.time_s[begin[some]]
-        position, velocity = _lines(begin, end, self.time_s, self.position, time_s, spans_s)
-        return Lines(position, velocity, followed_s, end - begin)
+        position, velocity, missed_m = _lines(begin, end, self.time_s, self.position, time_s, spans_s)
+        return Lines(position, velocity, followed_s, end - begin, missed_m)
 
     def rows_of(self, person: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """First row and end of the detections of some tracks. [Q] each."""
@@ -91,12 +92,14 @@ class Lines(NamedTuple):
         velocity: m/s; NaN there, too. [Q, L, 2]
         followed_s: time from the first to the last known detection, s. [Q]
         detections: how many are known. [Q]
+        missed_m: from the last detection to the line at its time, m; NaN as above. [Q, L]
     """
 
     position: np.ndarray
     velocity: np.ndarray
     followed_s: np.ndarray
     detections: np.ndarray
+    missed_m: np.ndarray
 
 
 @compiled
@@ -134,6 +137,7 @@ def _lines(begin, end, known_s, position, now_s, spans_s):  # pragma: no cover (
     """See `Detections.lines`; rows [begin, end) are the detections of each person. [Q, L, 2] each."""
     there = np.full((len(begin), len(spans_s), 2), np.nan)
     velocity = np.full((len(begin), len(spans_s), 2), np.nan)
+    missed_m = np.full((len(begin), len(spans_s)), np.nan)
     for q in range(len(begin)):
         near_s, near = known_s[begin[q] : end[q]], position[begin[q] : end[q]]
         for line in range(len(spans_s)):
@@ -146,7 +150,9 @@ def _lines(begin, end, known_s, position, now_s, spans_s):  # pragma: no cover (
             later_x, later_y, _ = _on_line(near_s[first:], now_s + 1.0, near[first:])
             there[q, line, 0], there[q, line, 1] = x, y
             velocity[q, line, 0], velocity[q, line, 1] = later_x - x, later_y - y
-    return there, velocity
+            last_x, last_y, _ = _on_line(near_s[first:], near_s[-1], near[first:])
+            missed_m[q, line] = math.hypot(near[-1, 0] - last_x, near[-1, 1] - last_y)
+    return there, velocity, missed_m
 
 
 @compiled

@@ -38,6 +38,8 @@ _SPANS_S = np.array([2.4, 0.6])
 """Lines are fitted to so many seconds of detections, s: a steady one, and one that follows turns."""
 _USED_S, _COMPARED_S = 1.2, 2.4
 """Lines are used, and compared, of people who have been followed for so long, s."""
+_FITS_M = np.array([0.25, 0.5])
+"""A line counts fully if it misses the last detection by no more than this, and not at all from there on, m."""
 _AFTER_S = 1.0
 """Who is not detected for longer than the horizon and this, s, has left."""
 
@@ -148,15 +150,17 @@ class Trust:
             here = replace(here._compared(time_s)._with_people(late, person[used]), detections=late)
         paths = lines.position[:, :, None] + lines.velocity[:, :, None] * ahead_s[:, None]
         apart, group = np.nan_to_num(paths - forecasts.point[:, None]), groups_of(forecasts)
+        fits = np.interp(np.nan_to_num(lines.missed_m), _FITS_M, [1.0, 0.0])
         if looks:
             old = lines.followed_s >= _COMPARED_S - TIME_TOLERANCE_S
             rows = np.flatnonzero(seen & old & (lines.detections >= KNOWN))
             waiting, step_s = here.waiting, time_s + ahead_s
             if len(rows):
                 point = forecasts.point[rows].astype(np.float64)
-                waiting += (Kept(step_s[-1] + NEAR_S, step_s, person[rows], group[rows], point, apart[rows]),)
+                fitting = fits[rows, :, None, None] * apart[rows]
+                waiting += (Kept(step_s[-1] + NEAR_S, step_s, person[rows], group[rows], point, fitting),)
             here = replace(here, looked_s=time_s, waiting=waiting)
-        shares = here._shares(person, group)
+        shares = here._shares(person, group) * fits[:, None]
         return here, _moved(forecasts, shares, apart) if shares.any() else forecasts
 
     def _shares(self, person: np.ndarray, group: np.ndarray) -> np.ndarray:
