@@ -78,6 +78,7 @@ def main() -> None:
     parser.add_argument("--rate", type=positive, help="frames per second, where files count frames, Hz")
     parser.add_argument("--write", action="store_true", help=pages.WRITE)
     options = parser.parse_args()
+    pages.check_command(parser, options, "benchmarks.bias")
     rows = []
     for scene in recordings(options.recording, options.rate):
         rows += rows_of(scene, options.model)

@@ -91,6 +91,7 @@ def main() -> None:
     )
     parser.add_argument("--write", action="store_true", help=pages.WRITE)
     options = parser.parse_args()
+    pages.check_command(parser, options, "benchmarks.curves")
     rows = []
     for turn_radps in TURNS_RADPS:
         scene = walkers(turn_radps, options.people)

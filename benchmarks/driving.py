@@ -25,7 +25,7 @@ from typing import Any
 
 from benchmarks.driving_curves import PAGE
 from benchmarks.driving_variants import VARIANTS, Trial, drive_episode
-from benchmarks.pages import put
+from benchmarks.pages import check_command, put
 from benchmarks.timing import tell
 from pedpred.command.arguments import parser as command_parser
 from pedpred.command.conversion import read_given
@@ -94,6 +94,7 @@ def main() -> None:
     comparable = any(VARIANTS[name].instead_of in variants for name in variants) and len({*options.risk}) > 1
     if options.write and not comparable:
         parser.error("--write writes a comparison: name a variant, the one that it changes, and two limits")
+    check_command(parser, options, "benchmarks.driving", PAGE, beside=("table", "causes"))
     places: Places = (
         Worlds(options.world, options.people == REACTIONS[0])
         if options.world

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.pages import put
+from benchmarks.pages import check_command, put
 from benchmarks.timing import tell
 from pedpred.driving.figures import Episodes
 from pedpred.driving.forecasters import TRUTH
@@ -178,6 +178,7 @@ def main() -> None:
     parser.add_argument("tables", type=Path, nargs="+", metavar="TABLE.csv")
     parser.add_argument("--write", action="store_true", help=f"write the tables into {PAGE}")
     options = parser.parse_args()
+    check_command(parser, options, "benchmarks.driving_curves", PAGE)
     for name, table in tables_of(driven_in(options.tables)).items():
         tell(name, table)
         if options.write:

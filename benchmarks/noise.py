@@ -90,6 +90,7 @@ def main() -> None:
     )
     parser.add_argument("--write", action="store_true", help=pages.WRITE)
     options = parser.parse_args()
+    pages.check_command(parser, options, "benchmarks.noise")
     rows: list[dict[str, Any]] = []
     for scene in recordings(options.recording, options.rate):
         rows_then = scene.trajectories.time_s < scene.trajectories.time_s.min() + options.seconds

@@ -127,6 +127,7 @@ def main() -> None:
     parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
     parser.add_argument("--write", action="store_true", help=pages.WRITE)
     options = parser.parse_args()
+    pages.check_command(parser, options, "benchmarks.other_people")
     rows = rows_of(options.model)
     tell("ADE, m", rows)
     if options.write:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import argparse
 import math
+import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from numbers import Number
 from pathlib import Path
 from typing import Any
@@ -15,6 +17,48 @@ from tools.readme import filled
 PAGE = Path("docs/robustness.md")
 WRITE = f"write the table into {PAGE}"
 """Help of the option."""
+
+
+def check_command(
+    parser: argparse.ArgumentParser,
+    options: argparse.Namespace,
+    module: str,
+    page: Path = PAGE,
+    beside: Sequence[str] = (),
+) -> None:
+    """Refuse to write figures that a page does not say: its command makes them, with these options.
+
+    Args:
+        parser: of the options; it ends the program.
+        options: as given. Files may lie in other folders than on the page.
+        module: as in `benchmarks.noise`.
+        page: with the command in a line of its own.
+        beside: options that change no table.
+    """
+    if not options.write:
+        return
+    given, commands = vars(options), list(_commands(module, page))
+    for command in commands:
+        shown = vars(parser.parse_args(shlex.split(command, comments=True)[3:]))
+        if all(name in beside or _plain(value) == _plain(shown[name]) for name, value in given.items()):
+            return
+    rule = "other figures stay out of the page: leave out --write, or first change the command there"
+    parser.error(f"--write is for a command of {page}, {' or '.join(commands) or 'which has none'}; {rule}")
+
+
+def _commands(module: str, page: Path) -> Iterator[str]:
+    """The commands of a page that write its tables by a benchmark."""
+    for line in page.read_text(encoding="utf-8").splitlines():
+        command = line.partition(" #")[0].strip()
+        if command.startswith(f"python -m {module} ") and "--write" in command.split():
+            yield command
+
+
+def _plain(value: object) -> object:
+    """What counts of the value of an option: of paths, the names, in any order."""
+    if isinstance(value, list) and all(isinstance(each, Path) for each in value):
+        return sorted(each.name for each in value)
+    return value.name if isinstance(value, Path) else value
 
 
 def markdown(rows: Sequence[dict[str, Any]]) -> str:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.pages import fill
+from benchmarks.pages import check_command, fill
 from benchmarks.timing import tell
 from pedpred import OnlinePredictor
 from pedpred.errors import user_errors
@@ -149,6 +149,7 @@ def main() -> None:
     given = parser.parse_args()
     if given.rate and not given.recording:
         parser.error("--rate is that of a --recording: name one")
+    check_command(parser, given, "benchmarks.rates", _PAGE)
     walks: dict[str, Walk] = {"straight": straight, "curving": curving}
     if given.recording:
         (scene,) = recordings([given.recording], given.rate)

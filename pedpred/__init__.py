@@ -5,6 +5,7 @@ The public names are imported on first use, so `import pedpred` alone loads noth
 
 import os
 from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from pedpred.lazy import names_on_use
@@ -35,3 +36,8 @@ else:
         except ModuleNotFoundError as cause:
             remedy = f"{cause}: pip install 'pedpred[files]'"
             raise ModuleNotFoundError(remedy, name=cause.name, path=cause.path) from cause
+
+    def __dir__():
+        """List the public names, too, for completion and `help`: those that this installation can import."""
+        missing = set() if find_spec("pandas") else {"predict"}
+        return sorted({*globals(), *__all__} - missing)

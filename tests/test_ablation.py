@@ -17,7 +17,7 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
 from pedpred import config
-from pedpred.errors import FileError, ValueRuleError
+from pedpred.errors import ConfigError, FileError, ValueRuleError
 from pedpred.report.ablation import (
     Column,
     ablation_figure,
@@ -174,6 +174,23 @@ def test_a_point_that_does_not_exist_is_named_beside_those_that_do(monkeypatch):
     monkeypatch.setattr("sys.argv", ["ablate", "reach", "--point", "0.3"])
     with pytest.raises(SystemExit, match=r"choose one of 0\.05, 0\.1, 0\.15, 0\.2"):
         ablate.main()
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"methods": ["lstmm"]}, "key 'methods' = 'lstmm': choose some of .*lstm, "),
+        ({"references": ["kalman"]}, "key 'references' = 'kalman': choose some of .*kalman_cv, "),
+        ({"points": {"a": [], "b": ["training.main.stepz=5"]}}, "training.main.stepz"),
+        ({"points": {"a": [], "b": ["training.main.steps=-5"]}}, "training.main.steps"),
+    ],
+)
+def test_a_misspelt_method_or_override_is_found_before_any_point_runs(changes, named):
+    """The figures of a method are looked up when all points have been trained, for hours."""
+    ablation = read_ablation(ABLATIONS[0].with_stem("reach"))
+    ablate.check_points(dataclasses.replace(ablation, points={"a": []}), ROOT / "conf")
+    with pytest.raises((ConfigError, ValueRuleError), match=named):
+        ablate.check_points(dataclasses.replace(ablation, **{"points": {"a": []}} | changes), ROOT / "conf")
 
 
 def test_a_misspelt_key_is_refused(tmp_path):

@@ -1,9 +1,13 @@
 """Benchmarks: what they need and do not find, and how they compare times."""
 
 import dataclasses
+import importlib
+import re
+import shlex
 import subprocess
 import sys
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -80,6 +84,7 @@ def test_a_benchmark_that_measured_nothing_says_so_and_leaves_the_page(tmp_path,
 @pytest.mark.parametrize("benchmark", [pages, rates, dependencies])
 def test_who_reads_a_page_while_a_benchmark_writes_it_sees_a_whole_one(benchmark, tmp_path, monkeypatch):
     page, old = tmp_path / "page.md", "<!-- table: rates -->\nold\n<!-- end -->\n| package |\n"
+    old = f"python -m benchmarks.rates --write\n{old}"
     page.write_text(old)
     if benchmark is pages:
         monkeypatch.setattr(benchmark, "main", lambda: put("rates", [{"frames": "new"}], page), raising=False)
@@ -93,6 +98,78 @@ def test_who_reads_a_page_while_a_benchmark_writes_it_sees_a_whole_one(benchmark
         benchmark.main()
         assert reader.read() == old
     assert "new" in page.read_text()
+
+
+BEGINS = {
+    "bias": "recordings",
+    "curves": "walkers",
+    "driving": "in_parallel",
+    "driving_curves": "driven_in",
+    "noise": "recordings",
+    "other_people": "rows_of",
+    "rates": "recordings",
+}
+"""What each benchmark whose options change a table of a page calls first."""
+
+
+CHANGES = {
+    "bias": ["--model", "models/online/small"],
+    "curves": ["--people", "3"],
+    "driving": ["--episodes", "5"],
+    "driving_curves": ["people_drives.csv"],
+    "noise": ["--seconds", "10"],
+    "other_people": ["--model", "models/online/small"],
+    "rates": ["--rate", "30"],
+}
+"""What changes the figures of each of them."""
+
+
+def written():
+    """The commands of the pages that write tables, with the name of the benchmark."""
+    for page in (Path("docs")).glob("*.md"):
+        for line in re.findall(r"^python -m benchmarks\..* --write\b.*$", page.read_text(), re.MULTILINE):
+            words = shlex.split(line, comments=True)
+            yield words[2].removeprefix("benchmarks."), words[3:]
+
+
+WRITTEN = list(written())
+
+
+class BegunError(Exception):
+    """A benchmark has begun to measure."""
+
+
+def begin(name, arguments, monkeypatch):
+    def measure(*_, **__):
+        raise BegunError
+
+    module = importlib.import_module(f"benchmarks.{name}")
+    monkeypatch.setattr(module, BEGINS[name], measure)
+    monkeypatch.setattr("sys.argv", [name, *arguments])
+    module.main()
+
+
+def test_the_pages_show_how_each_of_their_tables_is_written():
+    assert {name for name, _ in WRITTEN} == {*BEGINS}
+
+
+@pytest.mark.parametrize(("name", "arguments"), WRITTEN)
+def test_a_table_is_written_by_the_command_of_its_page(name, arguments, monkeypatch):
+    elsewhere = [f"/elsewhere/{word}" if "/" in word else word for word in arguments]
+    for given in (arguments, elsewhere):
+        with pytest.raises(BegunError):
+            begin(name, given, monkeypatch)
+
+
+@pytest.mark.parametrize(("name", "arguments"), WRITTEN)
+def test_other_options_than_those_of_the_page_leave_its_table_as_it_is(name, arguments, monkeypatch, capsys):
+    """Else the page would have the figures of one command and show another."""
+    plain = [word for word in arguments if word != "--write"] + CHANGES[name]
+    with pytest.raises(SystemExit, match="2"):
+        begin(name, [*plain, "--write"], monkeypatch)
+    assert f"python -m benchmarks.{name}" in capsys.readouterr().err
+    with pytest.raises(BegunError):
+        begin(name, plain, monkeypatch)
 
 
 @pytest.mark.parametrize("given", ["--variant modes", "--variant modes_wide --variant kalman", "--risk 0.1"])

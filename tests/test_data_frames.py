@@ -143,6 +143,38 @@ def test_columns_beside_mean_what_they_mean_in_files(change, said, tmp_path, cap
     np.testing.assert_array_equal(found[["track", "time", "x"]], theirs[["track", "time", "x"]])
 
 
+PLACES = pd.MultiIndex.from_tuples([("time", ""), ("id", ""), ("pos", "x"), ("pos", "y")])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda t: t.set_index("time"),
+        lambda t: t.set_index(["id", "time"]),
+        lambda t: t.assign(time=pd.to_datetime(t.time + 1709683200, unit="s", utc=True)).set_index("time"),
+        lambda t: t.set_axis(PLACES, axis="columns"),
+        lambda t: t.set_axis(PLACES, axis="columns").set_index(("time", "")).rename_axis("time"),
+    ],
+    ids=["index", "levels of the index", "dates", "levels of titles", "both"],
+)
+def test_a_table_means_what_the_file_of_it_means(change, tmp_path, forecasts):
+    """Columns that pandas keeps in an index are columns of the file, and levels of titles one title."""
+    table = change(WALKS)
+    found = pedpred.predict(table)
+    np.testing.assert_allclose(found[["track", "x", "y"]], forecasts[["track", "x", "y"]], atol=1e-4)
+    table.to_csv(tmp_path / "walk.csv")
+    main(["predict", str(tmp_path / "walk.csv"), "-o", str(tmp_path / "theirs.parquet")])
+    by, theirs = ["track", "time", "mode", "step"], pd.read_parquet(tmp_path / "theirs.parquet")
+    found, theirs = (each.sort_values(by, ignore_index=True) for each in (found, theirs))
+    pd.testing.assert_frame_equal(found, theirs, check_dtype=False)
+
+
+@pytest.mark.parametrize("name", ["id", "frame", "ped_id", "y", "row"])
+def test_an_index_beside_columns_that_say_everything_is_not_read(name, forecasts):
+    numbered = WALKS.set_axis(pd.Index(range(100, 116), name=name))
+    pd.testing.assert_frame_equal(pedpred.predict(numbered), forecasts)
+
+
 def test_heights_in_place_of_positions_are_refused():
     with pytest.raises(SourceError, match="y looks like a height"):
         pedpred.predict(WALKS.assign(z=WALKS.x + WALKS.y, y=1.7))

@@ -106,6 +106,17 @@ def test_public_names_are_found_and_others_are_not():
         _ = pedpred.Predictor
 
 
+@pytest.mark.parametrize("absent", ["", "pandas"])
+def test_public_names_are_listed_before_they_are_used(absent):
+    """As completion and help need them; what an installation without tables lacks would end both."""
+    code = (
+        f"import inspect, sys; sys.modules['{absent or 'nothing'}'] = None; import pedpred; "
+        "listed = {*dir(pedpred)}; print(*sorted({*pedpred.__all__} - listed)); inspect.getmembers(pedpred)"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert told.split() == (["predict"] if absent else [])
+
+
 def test_types_and_citation_are_part_of_the_package():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())

@@ -56,15 +56,6 @@ def test_regions_become_right_whatever_they_were(deviation, seed):
     np.testing.assert_array_equal(after.point, given_.point)
 
 
-def test_where_nobody_ever_strays_no_mode_loses_its_region():
-    """Somebody of a simulator who stands, forecast exactly, for ten minutes."""
-    time_s, track_id, here, predictions = walks(np.random.default_rng(0), 1500, 1, noise_m=0.0)
-    given_ = replace(predictions, covariance=predictions.covariance + 0.01 * np.eye(2))
-    after = learned(given_, track_id, time_s, here, np.ones(len(here), bool))
-    least = np.sqrt(after.covariance[..., 0, 0] / given_.covariance[..., 0, 0]).min()
-    assert np.exp(-3.0) - 1e-6 < least < 0.1
-
-
 @pytest.mark.parametrize("deviations", [(0.5, 2.0), (2.0, 0.5), (0.7, 1.4), (1.4, 0.7)])
 def test_regions_follow_a_change(deviations):
     time_s, track_id, here, right = walks(np.random.default_rng(1), frames=300)

@@ -22,9 +22,10 @@ import pandas as pd
 from dvc.repo import Repo
 from tqdm import tqdm
 
-from pedpred.config import config_errors, plain, read_params
+from pedpred.config import composed, config_errors, plain, read_params
 from pedpred.errors import ConfigError
 from pedpred.files import check_output, write_json, write_text
+from pedpred.plain import parse_yaml
 from pedpred.report.ablation import (
     Ablation,
     ablation_figure,
@@ -36,6 +37,7 @@ from pedpred.report.ablation import (
 )
 from pedpred.report.canvas import write_png
 from pedpred.report.methods import Methods
+from stages.config import check_parts
 from tools.arguments import count, in_project
 from tools.programs import beside_python
 
@@ -138,6 +140,22 @@ def _points_of(ablation: Ablation, point: str) -> Sequence[str]:
     return ablation.points[point]
 
 
+def check_points(ablation: Ablation, conf: Path) -> None:
+    """Check that each point can be composed and has the methods that are shown, before any of them runs.
+
+    Raises:
+        ConfigError, ValueRuleError: an override names no key or breaks a rule, or a method is unknown.
+    """
+    for overrides in ablation.points.values():
+        point = parse_yaml(composed(conf, [*ablation.always, *overrides]))
+        check_parts(point)
+        known = [key for rows in point["methods"].values() for key in rows]
+        for field in ("methods", "references"):
+            for method in getattr(ablation, field):
+                if method not in known:
+                    raise ConfigError(field, method, f"choose some of {', '.join(known)}")
+
+
 @config_errors()
 def main() -> None:
     """Run all points, write the figures."""
@@ -153,6 +171,7 @@ def main() -> None:
         ablation = replace(ablation, points={point: _points_of(ablation, point) for point in options.point})
     out = options.out or Path("build/ablations" if options.point else "reports/ablations")
     check_output(out, folder=True)
+    check_points(ablation, Path("conf"))
     experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
     references = reproduced(ablation, experiments, options.jobs)
     rows = point_rows(ablation, measures(ablation, references))

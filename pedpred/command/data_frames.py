@@ -31,6 +31,7 @@ from pedpred.tables.titles import (
     columns_of_flags,
     columns_of_heights,
     columns_of_recordings,
+    joined_titles,
     titles_of_tracks,
 )
 
@@ -51,9 +52,10 @@ def predict(
 
     Args:
         table: detections with the columns time (s) or frame, id, x, y (m); or what such
-            columns may be called in CSV files. Times may be dates. Ids may be anything that is not missing.
-            Rows without a position (NaN, None) are missing detections, and left out; so are rows of a class
-            that is not called a person, if another one is.
+            columns may be called in CSV files. Levels of the index with such names count where the columns
+            alone do not say it, and levels of titles are joined. Times may be dates. Ids may be anything
+            that is not missing. Rows without a position (NaN, None) are missing detections, and left out; so
+            are rows of a class that is not called a person, if another one is.
         occupancy: static obstacles in the same frame, or the path of a map; None: free ground.
         rate_hz: frames per second, where there are frames.
         unit: of lengths: "m", "cm", "mm", "ft" or "inch".
@@ -90,7 +92,8 @@ def _people_in(
 
     See `predict`.
     """
-    titles = [str(title) for title in table.columns]
+    table = _with_index(table)
+    titles = _titles_of(table)
     named = titles_of_tracks(titles)
     looked_at = [title for title in dict.fromkeys(titles) if title in {*named, *_others(titles)}]
     values = {title: table.iloc[:, titles.index(title)] for title in looked_at}
@@ -110,6 +113,22 @@ def _people_in(
     people = without_placeholders(_TABLE, people)
     dt_s = checked_interval_s(_TABLE, people, titled=True, options=options)
     return people, dt_s, pd.Series(ids, index=numbers)
+
+
+def _with_index(table: pd.DataFrame) -> pd.DataFrame:
+    """The table; where its columns do not hold tracks, with those levels of its index that have names."""
+    levels = [at for at, name in enumerate(table.index.names) if name is not None and name not in table]
+    try:
+        titles_of_tracks(_titles_of(table))
+    except ValueRuleError:
+        return table.reset_index(level=levels) if levels else table
+    return table
+
+
+def _titles_of(table: pd.DataFrame) -> list[str]:
+    """The title of each column; those of several levels are joined, as in files that pandas writes."""
+    levels = range(table.columns.nlevels)
+    return joined_titles([list(map(str, table.columns.get_level_values(level))) for level in levels])
 
 
 def _check_kind(field: str, value: object, kind: Any, called: str) -> None:

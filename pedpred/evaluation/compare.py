@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from pedpred.errors import ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows, write_windows
 from pedpred.evaluation.scores import (
     MetricSettings,
@@ -42,7 +43,8 @@ def compare(
         shown: sizes of the grids that pictures of the windows show; None: none.
 
     Raises:
-        ValueRuleError: the scene has no window.
+        ValueRuleError: the scene has no window, or forecasts are those of other instants or another frame.
+        ShapeError: there are more or fewer forecasts or steps than were asked for.
 
     Returns:
         Windows with all predictions, and the scores of each method.
@@ -50,6 +52,10 @@ def compare(
     without_truth = count_without_truth(request.table, request.sizes, request.scene.name)
     asked = replace(request, rows=find_windows(request.table, request.sizes))
     predictions = {method: forecast(asked) for method, forecast in forecasters.items()}
+    for method, forecasts in predictions.items():
+        if not np.isclose(forecasts.dt_s, asked.sizes.dt_s):
+            rule = f"it must be {asked.sizes.dt_s}, the time step that the request asks for"
+            raise ValueRuleError(f"{method}.dt_s", forecasts.dt_s, rule)
     windows, truth = asked.asked, integrate_truth(asked.asked, asked.sizes.dt_s)
     scene = describe_scene(windows, request.scene.occupancy, settings)
     noncausal = request.sizes.noncausal

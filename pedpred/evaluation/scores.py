@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import ShapeError, StorageError, ValueRuleError
 from pedpred.features import FeatureTable
 from pedpred.fields import LARGEST_SEED, check_ranges
 from pedpred.files import translate_errors
@@ -140,13 +140,24 @@ def score(
         steps: measure the calibration at each step, the slowest of all.
 
     Raises:
-        ValueRuleError: a window has no forecast, or one that some metrics could not measure.
+        ValueRuleError: a window has no forecast, or one that some metrics could not measure; or forecasts are
+            not in the world frame.
+        ShapeError: there are more or fewer forecasts or steps than of the truth, or a metric gives something
+            else than a value per window.
     """
+    if predictions.frame != "world":
+        rule = "it must be 'world': a method gives what `in_world` of its predictions returns"
+        raise ValueRuleError("predictions.frame", predictions.frame, rule)
+    if predictions.point.shape != truth.shape:
+        raise ShapeError("predictions.point", predictions.point.shape, f"{truth.shape}, as the truth has")
     _check_all_forecast(predictions)
     inside = nll = np.zeros((len(predictions), 0))
     if steps and predictions.covariance is not None:
         inside, nll = share_inside(predictions, truth), mixture_nll(predictions, truth)
     values = {key: metric.value(predictions, truth, scene) for key, metric in metrics.items()}
+    for key, of_windows in values.items():
+        if np.shape(of_windows) != track.shape:
+            raise ShapeError(f"metrics.{key}", np.shape(of_windows), f"{track.shape}, a value per window")
     return Scores(track, values, displacement(predictions.point, truth), inside, nll)
 
 

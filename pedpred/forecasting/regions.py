@@ -119,7 +119,7 @@ class Regions:
             bounds = zip("ab", low.ravel(), high.ravel(), strict=True)
             rule = ", ".join(f"{name} must be in [{least:g}, {most:g}]" for name, least, most in bounds)
             raise ValueRuleError("regions.learned", None, rule)
-        return replace(self, learned=self._bounded(learned))
+        return replace(self, learned=np.clip(learned, *self.limits))
 
     def after(
         self,
@@ -164,11 +164,6 @@ class Regions:
         )
         return widen_covariances(predictions, wider[group], tails[group])
 
-    def _bounded(self, learned: np.ndarray) -> np.ndarray:
-        """Parameters within their limits; deviations of the likeliest mode shrink by exp(least a) at most, too."""
-        a, b = np.clip(learned, *self.limits)
-        return np.stack([a, np.minimum(b, a - _LEAST)])
-
     def _keeping(
         self, time_s: float, person: np.ndarray, rows: np.ndarray, forecasts: Predictions
     ) -> Regions:
@@ -207,7 +202,7 @@ class Regions:
             taught = taught.select(~gone)
         return replace(
             self,
-            learned=self._bounded(self.learned + moved),
+            learned=np.clip(self.learned + moved, *self.limits),
             waiting=tuple(past for past in self.waiting if past.due_s > now_s),
             taught=taught.select(taught.until_s > now_s),
         )
