@@ -117,7 +117,7 @@ def test_a_noisy_line_is_not_preferred():
 @settings(max_examples=5, deadline=None)
 @given(SEEDS, st.floats(np.pi / 2, np.pi))
 def test_who_turns_is_forecast_by_the_network_however_well_lines_did(seed, turn):
-    """Where lines were right, and the network 0.3 m wrong, for two minutes, it is right about one who turns."""
+    """Where lines were right, and the network 0.3 m wrong, for two minutes, it is right about who turns."""
     *walked, _, forecasts = stream(np.random.default_rng(seed), 400)
     *_, (trust, changed) = along(Trust.unlearned(STEPS), *walked, forecasts)
     assert np.abs(changed.point - forecasts.point[-len(changed) :]).max() > 0.1

@@ -11,7 +11,8 @@ over the N forecasts of people who had left the place when this person came, whe
 count, not their squares (iteratively reweighted least squares). The second term draws w to 0, all trust in
 the network, as M forecasts would that were right. When N is larger than some thousands, the sums fade. Each
 step of the horizon has a w, and people who are forecast to stand and to walk have their own. Every mode goes
-to the lines by the same w, so that the point forecast stays among the modes.
+to the lines by the same w, so that the point forecast stays among the modes. A line that misses the last
+detection, as that of somebody who has just turned, counts less or not at all, in both.
 
 What somebody does thus changes no forecast of anybody who is there at the same time.
 
@@ -39,7 +40,7 @@ _SPANS_S = np.array([2.4, 0.6])
 _USED_S, _COMPARED_S = 1.2, 2.4
 """Lines are used, and compared, of people who have been followed for so long, s."""
 _FITS_M = np.array([0.25, 0.5])
-"""A line counts fully if it misses the last detection by no more than this, and not at all from there on, m."""
+"""A line that misses the last detection by the first counts fully, by the second not at all, m."""
 _AFTER_S = 1.0
 """Who is not detected for longer than the horizon and this, s, has left."""
 
