@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from pedpred.errors import PedpredError, ShapeError, ValueRuleError
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.frame import Frame
-from pedpred.online.given import contradicted
 from pedpred.online.people import People, register_detections
+from pedpred.online.velocities import contradicted
 from pedpred.tracking import KalmanBank, KalmanSettings
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from pedpred.features import Pedestrians
 from pedpred.online.frame import Frame
-from pedpred.online.given import astray_after
 from pedpred.online.past import Arrays, first_seen, seen_again
+from pedpred.online.velocities import astray_after
 from pedpred.tracking import Belief, KalmanBank
 from pedpred.tracking.noise import weighted
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, jumped
@@ -35,8 +35,8 @@ class People:
         covariance: of the tracker's belief. [N, 3]
         heading_rad: held while standing. [N]
         walked: whether they ever moved; until then the heading follows the slightest motion. [N] bool
-        astray: from where given velocities lead to the last detection, see `pedpred.online.given`; 0 where
-            positions are filtered, m. [N, 2]
+        astray: from where given velocities lead to the last detection, m; see `pedpred.online.velocities`.
+            0 where positions are filtered. [N, 2]
         ticks: steps of the network. [N]
         memory: the network's state after them, name -> [N, ...] float32
         past: recent detections, see `pedpred.online.past`.

@@ -18,7 +18,6 @@ from pedpred.geometry import rotate
 from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
 from pedpred.online.correction import Correction
 from pedpred.online.frame import Frame
-from pedpred.online.given import contradicted
 from pedpred.online.limit import keep_to_limit
 from pedpred.online.network import ExportedNetwork, ModelDescription, network_checksum, read_description
 from pedpred.online.past import earliest, kept_before, past_of, slots_for
@@ -26,6 +25,7 @@ from pedpred.online.people import People, next_ticks_s, register_detections
 from pedpred.online.places import read_place, write_place
 from pedpred.online.settings import OnlineSettings
 from pedpred.online.shipped import default_model
+from pedpred.online.velocities import contradicted
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
 from pedpred.tracking import KalmanBank
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
