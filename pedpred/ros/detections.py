@@ -177,9 +177,8 @@ class People:
                     raise ValueRuleError("transform", f"none at {time_s[0]} s", rule)
                 if flat := lacks_height(moved).sum():
                     self._warn(f"left out: {flat} detections without a height in {frame!r}, which is tilted")
-                moved[:, :2] = self._without_jumps(
-                    tree, (frame, target), rows, moved[:, :2], self._heard(here)
-                )
+                frames, heard_s = (frame, target), self._heard(here)
+                moved[:, :2] = self._without_jumps(tree, frames, time_s, moved[:, :2], heard_s)
                 for row, part in zip(rows, np.split(moved, np.cumsum(counts)[:-1]), strict=True):
                     result[row] = part
         return [places[:, :2] for places in result]
@@ -188,14 +187,13 @@ class People:
         self,
         tree: FrameTree,
         frames: tuple[str, str],
-        rows: Sequence[np.integer],
+        time_s: np.ndarray,
         place: np.ndarray,
         heard_s: tuple[float, float],
     ) -> np.ndarray:
-        """Places of the people of some messages so that nobody runs where the localisation jumps. [M, 2]."""
-        counts = [len(self._instants[row].ids) for row in rows]
-        time_s, instant = np.unique(self._stamp_s[rows].repeat(counts), return_inverse=True)
-        poses = find_poses(tree, *frames, time_s, heard_s)
+        """Places at some times so that nobody runs where the localisation jumps. [M, 2], of [M], [M, 2]."""
+        instants_s, instant = np.unique(time_s, return_inverse=True)
+        poses = find_poses(tree, *frames, instants_s, heard_s)
         if poses is None:
             return place
         order = np.argsort(instant, kind="stable")
