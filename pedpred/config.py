@@ -38,7 +38,7 @@ WRITTEN = (("data",), ("models",), ("reports",))
 OUTPUTS = ("out", "metrics", "curve")
 """Arguments of stages that name a file or folder to write."""
 
-ARGUMENTS = ("name", "kind", "phase", "fold", "networks", "scene", "rows", "once", *OUTPUTS)
+ARGUMENTS = ("name", "kind", "phase", "fold", "networks", "scene", "rows", *OUTPUTS)
 """Arguments of stages: what they write, and of which rows."""
 
 SHARED = Path("data/config")

@@ -28,24 +28,20 @@ def crowd(rng, people=12, side_m=6.0):
     return Predictions(path[:, 0], path, weight, DT_S, spread), here
 
 
-def together(predictions, here):
-    return choose_modes(predictions, here, np.zeros(len(here)))
-
-
 def heading_on(path_weights):
     """Two people who walk towards each other, straight or past on the own right."""
     ahead = np.stack([np.arange(1, STEPS + 1) * 0.4, np.zeros(STEPS)], axis=-1)
     aside = ahead - np.array([0.0, 0.8])
     path = np.stack([[ahead, aside], [[5.0, 0.0] - ahead, [5.0, 0.0] - aside]])
     predictions = Predictions(path[:, 0], path, np.array(path_weights), DT_S)
-    return together(predictions, np.array([[0.0, 0.0], [5.0, 0.0]]))
+    return choose_modes(predictions, np.array([[0.0, 0.0], [5.0, 0.0]]))
 
 
 @settings(max_examples=50, deadline=None)
 @given(seed=SEEDS)
 def test_modes_are_those_of_before_and_weights_sum_to_one(seed):
     before, here = crowd(np.random.default_rng(seed))
-    after = together(before, here)
+    after = choose_modes(before, here)
     np.testing.assert_array_equal(after.point, before.point)
     for one, other in zip(before.path, after.path, strict=True):
         np.testing.assert_array_equal(*(p[np.lexsort(p[:, -1].T)] for p in (one, other)))
@@ -66,7 +62,7 @@ def test_most_likely_paths_collide_less():
     parts = [crowd(rng) for _ in range(40)]
     shares = [
         np.mean([too_close(p.most_likely, np.zeros(12), 0.2).mean() for p in group])
-        for group in ([p for p, _ in parts], [together(p, here) for p, here in parts])
+        for group in ([p for p, _ in parts], [choose_modes(p, here) for p, here in parts])
     ]
     assert shares[1] < 0.5 * shares[0]
 
@@ -77,7 +73,7 @@ def test_the_order_of_people_plays_no_part(seed):
     rng = np.random.default_rng(seed)
     before, here = crowd(rng)
     order = rng.permutation(len(here))
-    one, other = together(before, here), together(before.select(order), here[order])
+    one, other = choose_modes(before, here), choose_modes(before.select(order), here[order])
     np.testing.assert_allclose(other.weight, one.weight[order], atol=1e-9)
     np.testing.assert_array_equal(other.most_likely, one.most_likely[order])
 
@@ -91,7 +87,7 @@ def test_turned_and_mirrored_worlds_have_the_same_weights(seed, turn, side):
         return rotate(points * [1.0, side], np.full(points.shape[:-1], turn)) + np.array([3.0, -40.0])
 
     there = dataclasses.replace(before, point=moved(before.point), path=moved(before.path))
-    one, other = together(before, here), together(there, moved(here))
+    one, other = choose_modes(before, here), choose_modes(there, moved(here))
     np.testing.assert_allclose(other.weight, one.weight, atol=1e-9)
     np.testing.assert_allclose(other.most_likely, moved(one.most_likely), atol=1e-9)
 
@@ -108,7 +104,9 @@ def test_nobody_beyond_the_reach_of_all_rounds_matters(seed):
     path = np.where(far[:, None, None, None], changed.path, before.path)
     other = dataclasses.replace(before, path=path)
     place = np.where(far[:, None], moved, here)
-    np.testing.assert_allclose(together(other, place).weight[0], together(before, here).weight[0], atol=1e-12)
+    np.testing.assert_allclose(
+        choose_modes(other, place).weight[0], choose_modes(before, here).weight[0], atol=1e-12
+    )
 
 
 @settings(max_examples=50, deadline=None)
@@ -117,37 +115,30 @@ def test_rounding_of_paths_changes_nothing(seed):
     rng = np.random.default_rng(seed)
     before, here = crowd(rng)
     shifted = dataclasses.replace(before, path=before.path + rng.normal(0, 1e-12, before.path.shape))
-    np.testing.assert_allclose(together(shifted, here).weight, together(before, here).weight, atol=1e-9)
+    np.testing.assert_allclose(
+        choose_modes(shifted, here).weight, choose_modes(before, here).weight, atol=1e-9
+    )
 
 
 @settings(max_examples=50, deadline=None)
 @given(seed=SEEDS)
 def test_a_chosen_mode_shares_the_weight_of_more_likely_ones(seed):
     before, here = crowd(np.random.default_rng(seed))
-    after = together(before, here)
+    after = choose_modes(before, here)
     for own, new in zip(before.weight, after.weight, strict=True):
         shared = int((new == new[0]).sum())
         np.testing.assert_allclose(new[0], own[:shared].mean())
         np.testing.assert_allclose(new[shared:], own[shared:])
 
 
-def test_who_stands_apart_at_another_instant_or_has_one_mode_keeps_the_weights():
+def test_who_stands_apart_or_has_one_mode_keeps_the_weights():
     before, here = crowd(np.random.default_rng(1))
     apart = dataclasses.replace(before, path=before.path + 50.0 * np.arange(12)[:, None, None, None])
-    np.testing.assert_array_equal(together(apart, here + 50.0 * np.arange(12)[:, None]).weight, before.weight)
-    np.testing.assert_array_equal(choose_modes(before, here, np.arange(12.0)).weight, before.weight)
+    np.testing.assert_array_equal(
+        choose_modes(apart, here + 50.0 * np.arange(12)[:, None]).weight, before.weight
+    )
     single = Predictions.single(before.point, DT_S)
-    assert together(single, here) is single
-
-
-def test_instants_do_not_mix():
-    rng = np.random.default_rng(2)
-    (one, here), (other, there) = crowd(rng), crowd(rng)
-    order = rng.permutation(24)
-    joined, places = Predictions.join([one, other]).select(order), np.concatenate([here, there])[order]
-    both = choose_modes(joined, places, np.repeat([0.0, 0.3], 12)[order])
-    expected = np.concatenate([together(one, here).weight, together(other, there).weight])
-    np.testing.assert_allclose(both.weight, expected[order], atol=1e-12)
+    assert choose_modes(single, here) is single
 
 
 def test_equal_modes_stay_equally_likely():
@@ -156,7 +147,7 @@ def test_equal_modes_stay_equally_likely():
     path = np.stack([ahead + side, ahead - side])[None].repeat(2, axis=0)
     path[1] = [4.0, 0.0]
     predictions = Predictions(path[:, 0], path, np.full((2, 2), 0.5), DT_S)
-    after = together(predictions, np.array([[0.0, 0.0], [4.0, 0.0]]))
+    after = choose_modes(predictions, np.array([[0.0, 0.0], [4.0, 0.0]]))
     np.testing.assert_array_equal(after.weight, 0.5)
     np.testing.assert_array_equal(after.path, predictions.path)
 
@@ -173,14 +164,14 @@ def test_in_a_crowd_of_whatever_density_modes_have_a_bounded_number_of_conflicts
     away_m = np.linalg.norm(here[first // MODES] - here[second // MODES], axis=-1)
     assert away_m.max(initial=0.0) < REACH_M / 4
     order = rng.permutation(150)
-    one, other = together(before, here), together(before.select(order), here[order])
+    one, other = choose_modes(before, here), choose_modes(before.select(order), here[order])
     np.testing.assert_allclose(other.weight, one.weight[order], atol=1e-9)
 
 
 def test_what_does_not_belong_together_is_refused():
     before, here = crowd(np.random.default_rng(3))
     with pytest.raises(ShapeError, match="position"):
-        together(before, here[:5])
+        choose_modes(before, here[:5])
     with pytest.raises(ValueRuleError, match="frame"):
-        together(dataclasses.replace(before, frame="agent"), here)
+        choose_modes(dataclasses.replace(before, frame="agent"), here)
     assert NEAR_M < REACH_M

@@ -78,10 +78,12 @@ def test_the_nearest_are_found_in_the_order_of_their_distance(seed, count, range
 
 
 @settings(max_examples=30)
-@given(st.integers(0, 10_000), st.sampled_from([0.05, 0.1, 0.25]), st.booleans())
-def test_beams_end_where_small_steps_meet_an_obstacle(seed, resolution_m, outside):
+@given(
+    st.integers(0, 10_000), st.sampled_from([0.05, 0.1, 0.25]), st.booleans(), st.sampled_from([0.06, 0.5])
+)
+def test_beams_end_where_small_steps_meet_an_obstacle_after_free_ground(seed, resolution_m, outside, share):
     rng = np.random.default_rng(seed)
-    ground = OccupancyMap(rng.random((24, 31)) < 0.06, rng.normal(size=2), resolution_m)
+    ground = OccupancyMap(rng.random((24, 31)) < share, rng.normal(size=2), resolution_m)
     position = (
         ground.origin + rng.uniform(-0.5 if outside else 0, 1.5 if outside else 1, (6, 2)) * ground.extent_m
     )
@@ -96,6 +98,7 @@ def test_beams_end_where_small_steps_meet_an_obstacle(seed, resolution_m, outsid
             inside = ((cells >= 0) & (cells < ground.occupied.shape)).all(axis=1)
             hit = np.zeros(len(along), bool)
             hit[inside] = ground.occupied[tuple(cells[inside].T)]
+            hit &= np.logical_or.accumulate(~hit)
             expected = along[hit.argmax()] if hit.any() else 4.0
             # a beam may clip a corner between two of the small steps
             if found[q, b] < expected - resolution_m / 100:

@@ -114,7 +114,7 @@ class Chain:
         if trust is not None:
             trust, forecasts = trust.after(time_s, person, detection, seen, forecasts)
         if self.together:
-            forecasts = choose_modes(forecasts, position, np.full(len(forecasts), time_s))
+            forecasts = choose_modes(forecasts, position)
         if regions is not None:
             regions, forecasts = regions.after(time_s, person, detection, seen, forecasts)
         return Place(trust, regions), forecasts

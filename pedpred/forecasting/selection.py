@@ -12,16 +12,13 @@ each mode meets hundreds of others, people regard those nearer by only: time and
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
 from pedpred.compiled import compiled
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.scenes import Predictions
-from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 NEAR_M = 0.3
 """Paths that come nearer than this at the same step avoid each other, m."""
@@ -38,16 +35,15 @@ _ROOM = 8  # for so many conflicts of each mode at first
 _MOST = 256  # conflicts of each mode; people 0.2 m apart have a third of that
 
 
-def choose_modes(predictions: Predictions, position: np.ndarray, time_s: np.ndarray) -> Predictions:
+def choose_modes(predictions: Predictions, position: np.ndarray) -> Predictions:
     """Choose the modes of everybody at an instant together.
 
     The chosen mode comes first: modes that were more likely share their weight with it evenly. Other weights
     stay, so that the likelihood of what people really do hardly changes.
 
     Args:
-        predictions: of everybody present at some instants, world frame. [W]
-        position: where each person is, world frame, m. [W, 2]
-        time_s: the instant of each row; rows of one instant regard each other, s. [W]
+        predictions: of everybody present, world frame. [N]
+        position: where each person is, world frame, m. [N, 2]
 
     Returns:
         The same paths with other weights; predictions of a single mode are returned as they are.
@@ -61,10 +57,9 @@ def choose_modes(predictions: Predictions, position: np.ndarray, time_s: np.ndar
     weight = predictions.weight.copy()
     order = np.empty(weight.shape, np.int64)
     order[:] = np.arange(predictions.modes)
-    for rows in _instants(time_s):
-        first, second, closeness = _conflicts(predictions.path[rows], position[rows])
-        if len(first):
-            _choose(rows, first, second, closeness, np.log(np.maximum(weight[rows], _LEAST)), weight, order)
+    first, second, closeness = _conflicts(predictions.path, position)
+    if len(first):
+        _choose(first, second, closeness, np.log(np.maximum(weight, _LEAST)), weight, order)
     at = np.arange(len(weight))[:, None], order
     covariance = predictions.covariance
     return replace(
@@ -75,28 +70,17 @@ def choose_modes(predictions: Predictions, position: np.ndarray, time_s: np.ndar
     )
 
 
-def _instants(time_s: np.ndarray) -> Iterator[np.ndarray]:
-    """Rows of each instant with several people."""
-    order = np.argsort(time_s, kind="stable")
-    sorted_s = time_s[order]
-    later = np.flatnonzero(sorted_s[1:] - sorted_s[:-1] > TIME_TOLERANCE_S) + 1
-    for begin, end in pairwise([0, *later.tolist(), len(order)]):
-        if end - begin > 1:
-            yield order[begin:end]
-
-
 @compiled
-def _choose(rows, first, second, closeness, alone, weight, order):  # pragma: no cover (compiled)
-    """Choose for one instant's people. Writes their new weights and, the chosen one first, their modes.
+def _choose(first, second, closeness, alone, weight, order):  # pragma: no cover (compiled)
+    """Write people's new weights and, the chosen one first, their modes.
 
     Args:
-        rows: of the people in `weight` and `order`. [N]
         first: of each conflict, the index of a mode among all N * K. [C]
         second: of the other person's mode. [C]
         closeness: 0 to 1. [C]
         alone: logarithms of their weights. [N, K]
-        weight: of everybody's modes, not rising; changed. [W, K]
-        order: of everybody's modes; changed. [W, K]
+        weight: of their modes, not rising; changed. [N, K]
+        order: of their modes; changed. [N, K]
     """
     people, modes = alone.shape
     load, likely = np.zeros(people * modes), np.empty(people * modes)
@@ -119,7 +103,7 @@ def _choose(rows, first, second, closeness, alone, weight, order):  # pragma: no
             load[at] += _DAMPING * (one[at] + other[at] - load[at])
             one[at] = other[at] = 0.0
     for i in range(people):
-        shares, chosen, best = weight[rows[i]], 0, -np.inf
+        shares, chosen, best = weight[i], 0, -np.inf
         for k in range(modes):
             value = np.rint((alone[i, k] - _YIELD * load[i * modes + k]) * 10.0**_DIGITS)
             if value > best:  # of equal modes the first one
@@ -128,16 +112,16 @@ def _choose(rows, first, second, closeness, alone, weight, order):  # pragma: no
         while above < modes and shares[above] >= least:
             total, above = total + shares[above], above + 1
         shares[:above] = max(total / above, least)
-        order[rows[i], 0] = chosen
+        order[i, 0] = chosen
         for k in range(chosen):
-            order[rows[i], k + 1] = k
+            order[i, k + 1] = k
 
 
 def _conflicts(path: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find modes of different people that come near each other at the same step.
 
     Args:
-        path: of the modes of one instant's people, world frame, m. [N, K, P, 2]
+        path: of people's modes, world frame, m. [N, K, P, 2]
         position: where they are, m. [N, 2]
 
     Returns:

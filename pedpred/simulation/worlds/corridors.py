@@ -9,7 +9,14 @@ import numpy as np
 from scipy import ndimage
 
 from pedpred.fields import Range
-from pedpred.simulation.worlds.drawing import check_intervals, check_shares, draw_name, nested, uniform
+from pedpred.simulation.worlds.drawing import (
+    check_intervals,
+    check_shares,
+    draw_name,
+    log_uniform,
+    nested,
+    uniform,
+)
 from pedpred.simulation.worlds.floors import CELL_M, Area, Floor, ground_cells, paint_disc, paint_rectangle
 from pedpred.simulation.worlds.journeys import Stage
 from pedpred.simulation.worlds.streams import StreamSettings, draw_streams
@@ -28,7 +35,7 @@ class CorridorSettings:
         duration_s: recorded time.
         forms: share of each form.
         width_m: of most arms.
-        any_width_m: of the other arms.
+        any_width_m: of the other arms; log-uniform.
         any_width_share: share of those.
         equal_width_share: share of the worlds whose arms have equal widths.
         arm_m: length of the arms.
@@ -103,7 +110,7 @@ def set_up_corridor(settings: CorridorSettings, duration_s: float, rng: np.rando
 
 def _width(settings: CorridorSettings, rng: np.random.Generator) -> float:
     unusual = rng.random() < settings.any_width_share
-    return uniform(rng, settings.any_width_m if unusual else settings.width_m)
+    return log_uniform(rng, settings.any_width_m) if unusual else uniform(rng, settings.width_m)
 
 
 def _arm(axis: np.ndarray, center: np.ndarray, half: np.ndarray) -> tuple[Area, Area]:

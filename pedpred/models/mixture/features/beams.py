@@ -18,7 +18,9 @@ def obstacle_distances(
 ) -> np.ndarray:
     """Cast beams into the map, one set per pose; exact for its square cells.
 
-    Beam b points to 2 pi b / beams counter-clockwise from the heading. Ground outside the map is free.
+    Beam b points to 2 pi b / beams counter-clockwise from the heading. Ground outside the map is free. A beam
+    that starts inside an obstacle leaves it first: where people are, there is none, and the map is shifted,
+    coarse or out of date.
 
     Args:
         occupancy: static obstacles.
@@ -28,7 +30,7 @@ def obstacle_distances(
         range_m: largest distance; also the value of a beam that meets nothing, m.
 
     Returns:
-        Distances, m; 0 inside an obstacle. [Q, B] float32
+        Distances, m. [Q, B] float32
     """
     start = (np.asarray(position, np.float64) - occupancy.origin) / occupancy.resolution_m
     distance = np.empty((len(start), beams), np.float32)
@@ -66,7 +68,7 @@ def _cast(cells, shape, start, heading_rad, turns, reach, distance):  # pragma: 
 
 @compiled
 def _walk(cells, u, way_u, size_u, row_u, v, way_v, size_v, row_v, enter, leave, reach):  # pragma: no cover
-    """How far it is to the first blocked cell along a beam, or `reach`.
+    """How far it is to the first blocked cell behind a free one along a beam, or `reach`.
 
     From edge to edge along the axis u, along which the beam is faster: in between lie one cell or two. None
     waits for the step before, so that the processor works on several steps at once. Lengths are in cells.
@@ -92,10 +94,15 @@ def _walk(cells, u, way_u, size_u, row_u, v, way_v, size_v, row_v, enter, leave,
     crossing = v + (edge - u) * (way_v / way_u)
     row = first * row_u
     here = row + min(max(int(v + enter * way_v), 0), size_v - 1) * row_v
+    inside = enter == 0.0 and cells[here]
     for k in range(abs(last - first) + 1):
         beside = min(max(int(crossing), 0), size_v - 1)
         there = row + beside * row_v
-        if cells[np.uint64(here)] | cells[np.uint64(there)]:  # unsigned: none counts from the end
+        leaving = inside and cells[np.uint64(here)]
+        inside = leaving and cells[np.uint64(there)]
+        if (
+            not leaving and cells[np.uint64(here)] | cells[np.uint64(there)]
+        ):  # unsigned: none counts from the end
             at = (edge + (k - 1) * step - u) / way_u if k else enter
             if not cells[here]:
                 at = max(at, (beside + (way_v < 0) - v) / way_v)
