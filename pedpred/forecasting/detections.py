@@ -38,12 +38,12 @@ class Detections:
 
     def with_later(self, time_s: float, person: np.ndarray, position: np.ndarray) -> Detections:
         """Those of a later instant, too, each person's once: sorted by person and time, as these are."""
-        order = np.argsort(person)
-        at = np.searchsorted(self.person, person[order], "right")
+        both = np.concatenate([self.person, person])
+        order = np.argsort(both, kind="stable")
         return Detections(
-            np.insert(self.time_s, at, time_s),
-            np.insert(self.person, at, person[order]),
-            np.insert(self.position, at, position[order], axis=0),
+            np.concatenate([self.time_s, np.full(len(person), time_s)])[order],
+            both[order],
+            np.concatenate([self.position, position])[order],
         )
 
     def since(self, time_s: float) -> Detections:
