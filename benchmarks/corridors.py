@@ -19,7 +19,7 @@ from pedpred.online import OnlinePredictor
 from pedpred.scenes import OccupancyMap
 from tools.arguments import count
 
-WIDTHS_M, SPEEDS_MPS = (0.8, 0.9, 1.0, 1.2, 1.5, 2.0, 3.0), (0.9, 1.2, 1.5)
+WIDTHS_M, SPEEDS_MPS = (0.9, 1.0, 1.2, 1.5, 2.0, 3.0), (0.9, 1.2, 1.5)
 BESIDE_M, INSIDE_M = 0.25, -0.25
 """From the wall: as near as people walk, and inside."""
 _RATE_HZ, _NOISE_M, _FRAMES = 10.0, 0.02, 60

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +79,12 @@ def filter_m(scene: Scene, sensor: SensorSettings) -> float:
     return float(min(errors))
 
 
+def beside(network: float, best: float) -> str:
+    """Error of the network / that of the filter, and their ratio if there is something to compare."""
+    ratio = f" ({network / best:.2f})" if best > _LEVEL_M else ""
+    return f"{network:.3f} / {best:.3f}{ratio}"
+
+
 @user_errors()
 def main() -> None:
     """Measure and print."""
@@ -95,15 +100,14 @@ def main() -> None:
     rows = []
     for turn_radps in TURNS_RADPS:
         scene = walkers(turn_radps, options.people)
-        for rate_hz, noise_m in product(RATES_HZ, NOISES_M):
-            sensor = SensorSettings(rate_hz=rate_hz, position_noise_m=noise_m)
-            network = network_m(scene, sensor, options.model, options.trust)
-            best = filter_m(scene, sensor)
-            case = {"turn rate, rad/s": turn_radps, "rate, Hz": rate_hz, "noise, m": noise_m}
-            row = {name: f"{value:g}" for name, value in case.items()}
-            ratio = network / best if best > _LEVEL_M else float("nan")
-            rows.append(row | {"network": network, "best filter": best, "network / filter": ratio})
-    tell("ADE, m", rows)
+        for noise_m in NOISES_M:
+            row = {"turn rate, rad/s": f"{turn_radps:g}", "noise, m": f"{noise_m:g}"}
+            for rate_hz in RATES_HZ:
+                sensor = SensorSettings(rate_hz=rate_hz, position_noise_m=noise_m)
+                network = network_m(scene, sensor, options.model, options.trust)
+                row[f"{rate_hz:g} Hz"] = beside(network, filter_m(scene, sensor))
+            rows.append(row)
+    tell("ADE of the network / of the best filter, m (ratio)", rows)
     if options.write:
         pages.put("curves", rows)
 
