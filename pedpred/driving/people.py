@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
@@ -55,6 +54,8 @@ class RecordedPeople:
         ends = np.append(first, len(time_s))[1:]
         start_s = float(time_s.min(initial=np.inf))
         self.dt_s, self.start_s = dt_s, start_s
+        from scipy.interpolate import PchipInterpolator  # late: the command `pedpred` imports this module
+
         self._first_tick: list[int] = []
         self._paths: list[np.ndarray] = []
         for a, b in zip(first, ends, strict=True):
