@@ -558,6 +558,14 @@ def without_ids(path):
         file.create_dataset("trajectory", data=rows).attrs["fps"] = 5.0
 
 
+def with_pairs(path):
+    """Each x is two numbers."""
+    with h5py.File(path, "r+") as file:
+        del file["trajectory"]
+        kinds = [("id", "i8"), ("frame", "i8"), ("x", "f8", 2), ("y", "f8")]
+        file.create_dataset("trajectory", data=np.zeros(4, kinds)).attrs["fps"] = 5.0
+
+
 def with_zstandard(path):
     """As JuPedSim writes HDF5; needs a plugin."""
     with h5py.File(path, "r+") as file:
@@ -578,6 +586,7 @@ def cut(path):
         (linked, "no data set 'trajectory'; there is trajectory"),
         (renamed, "no data set 'trajectory'; there is tracks"),
         (without_ids, "no column id; it has frame, x, y"),
+        (with_pairs, r"column x has the shape \(4, 2\), it must be a list of numbers"),
         (with_zstandard, r"a filter \(32015\), which is not read: bring them to gzip"),
         (cut, "HDF5: .*truncated"),
     ],

@@ -1,4 +1,4 @@
-"""Copies the table of an archive (HDF5) to Parquet: `python archive_table.py IN OUT ROWS`.
+"""Writes the table of an archive (HDF5) to stdout as plain numbers: `python archive_table.py IN ROWS`.
 
 A process of its own: the HDF5 library trusts what it reads, and damaged files make it hang or end the
 process. It ends with exit code 2 and one line on stderr if the file is not as it should be.
@@ -6,13 +6,12 @@ process. It ends with exit code 2 and one line on stderr if the file is not as i
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 if TYPE_CHECKING:
     import h5py
@@ -24,7 +23,7 @@ _SCHEMAS = (1, 2)
 _MOST_REGIONS = 1000
 
 
-def copy_table(archive: Path, out: Path, most_rows: int) -> None:
+def copy_table(archive: Path, out: BinaryIO, most_rows: int) -> None:
     """Copy the columns of the data set `trajectory`, its `fps` and the file's `wkt_geometry`.
 
     Version 2 of JuPedSim's own files has the time step and how many of them a frame has in place of `fps`,
@@ -32,7 +31,8 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
 
     Args:
         archive: of the Pedestrian Dynamics Data Archive, or of JuPedSim.
-        out: a Parquet file with these columns; `fps` and `wkt`, empty if unknown, are its metadata.
+        out: gets a line of JSON with `fps` and `wkt`, empty if unknown, the number of `rows` and the `types`
+            of the columns by name; then the columns, one after the other.
         most_rows: of the table.
 
     Raises:
@@ -71,6 +71,8 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
         for name, values in columns.items():
             if values.dtype.kind not in "iuf":
                 raise ValueError(f"column {name} has the type {values.dtype}, which is not a number")
+            if values.ndim != 1:
+                raise ValueError(f"column {name} has the shape {values.shape}, it must be a list of numbers")
             columns[name] = values.astype(values.dtype.newbyteorder("="), copy=False)
         said = table.attrs.get("fps", file.attrs.get("fps", ()))
         if schema == 2:
@@ -79,8 +81,12 @@ def copy_table(archive: Path, out: Path, most_rows: int) -> None:
         geometry = file.attrs.get("wkt_geometry", "")
         wkt = geometry.decode() if isinstance(geometry, bytes) else str(geometry)
         wkt = "\n".join(text.decode() for text in texts) or wkt
-    about = {"fps": "".join(map(repr, fps)), "wkt": wkt}
-    pq.write_table(pa.table(columns).replace_schema_metadata(about), out, compression="none")
+    about: dict[str, Any] = {"fps": "".join(map(repr, fps)), "wkt": wkt, "rows": table.size}
+    about["types"] = {name: values.dtype.str for name, values in columns.items()}
+    out.write(json.dumps(about, ensure_ascii=False).encode() + b"\n")
+    for values in columns.values():
+        out.write(np.ascontiguousarray(values).data)
+    out.flush()
 
 
 def _own(file: h5py.File, *names: str) -> h5py.Dataset:
@@ -110,7 +116,7 @@ def main() -> None:
 
         resource.setrlimit(resource.RLIMIT_AS, (_MOST_BYTES, _MOST_BYTES))
     try:
-        copy_table(Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]))
+        copy_table(Path(sys.argv[1]), sys.stdout.buffer, int(sys.argv[2]))
     except ImportError:
         sys.exit('h5py is not installed: pip install "pedpred[hdf5]"')
     except (OSError, RuntimeError, ValueError, KeyError, TypeError, MemoryError) as problem:

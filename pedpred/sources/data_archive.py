@@ -5,15 +5,17 @@ Those that JuPedSim writes itself have the same (schema version 1), or a time st
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
@@ -38,8 +40,8 @@ def fits(begins: Beginning) -> bool:
     return begins.raw.startswith(MAGIC)
 
 
-def read(path: Path, options: TableOptions) -> Trajectories:
-    """Read the detections.
+def read(path: Path, options: TableOptions) -> tuple[Trajectories, Callable[[], Walls | None]]:
+    """Read the detections, and what gives the ground where people walk, or None where the file has none.
 
     Args:
         path: the file.
@@ -47,6 +49,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
 
     Raises:
         SourceError: the file is damaged, of another program, or its values are wrong; h5py is not installed.
+            The geometry cannot be understood: when it is asked for.
     """
     columns, about = _content(path)
     whole = {name: columns[name] for name in ("id", "frame")}
@@ -65,7 +68,8 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     rows = without_copies(path, rows, clock="frame", counted="row")
     position = np.stack([rows["x_m"], rows["y_m"]], axis=1)
     with translate_errors(partial(SourceError, path, None)):
-        return Trajectories(rows["frame"] / rate_hz, rows["track_id"], position)
+        people = Trajectories(rows["frame"] / rate_hz, rows["track_id"], position)
+    return people, partial(_walls, path, about["wkt"])
 
 
 def read_walls(path: Path) -> Walls | None:
@@ -74,12 +78,15 @@ def read_walls(path: Path) -> Walls | None:
     Raises:
         SourceError: the geometry cannot be understood.
     """
-    wkt = _content(path)[1]["wkt"]
+    return _walls(path, _content(path)[1]["wkt"])
+
+
+def _walls(path: Path, wkt: str) -> Walls | None:
     return parse_wkt(path, wkt) if wkt.strip() else None
 
 
-def _content(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Columns by name, and `fps` and `wkt`, as `archive_table` copies them.
+def _content(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Columns by name, and `fps` and `wkt`, as `archive_table` writes them.
 
     Raises:
         SourceError: it could not; the message says why.
@@ -87,15 +94,21 @@ def _content(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     # Filters of strangers are code: none is loaded.
     environment = os.environ | {"HDF5_PLUGIN_PRELOAD": "::", "HDF5_USE_FILE_LOCKING": "FALSE"}
     with TemporaryDirectory() as folder:
-        out = Path(folder, "table.parquet")
+        out = Path(folder, "table")
         rows = str(MOST_NUMBERS // len(COLUMNS))
         # Run as a file: as a module of this package, it would first import all readers.
         run = f"import runpy; runpy.run_path({archive_table.__file__!r}, run_name='__main__')"
-        command = [sys.executable, "-c", run, str(path.absolute()), str(out), rows]
+        command = [sys.executable, "-c", run, str(path.absolute()), rows]
         try:
-            ended = subprocess.run(
-                command, cwd=folder, env=environment, capture_output=True, timeout=_LONGEST_S
-            )
+            with out.open("wb") as file:
+                ended = subprocess.run(
+                    command,
+                    cwd=folder,
+                    env=environment,
+                    stdout=file,
+                    stderr=subprocess.PIPE,
+                    timeout=_LONGEST_S,
+                )
         except subprocess.TimeoutExpired as cause:
             problem = f"a damaged file of HDF5: it was not read within {_LONGEST_S:g} s"
             raise SourceError(path, None, problem) from cause
@@ -106,7 +119,7 @@ def _content(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
                 reason = said[-1]
             remedy = "Read are those of the Pedestrian Dynamics Data Archive; save other tables as CSV"
             raise SourceError(path, None, f"HDF5: {reason}", remedy)
-        with translate_errors(partial(SourceError, path, None)):
-            table = pq.read_table(out)
-    about = {name.decode(): value.decode() for name, value in (table.schema.metadata or {}).items()}
-    return {name: table[name].to_numpy() for name in COLUMNS}, about
+        with translate_errors(partial(SourceError, path, None)), out.open("rb") as file:
+            about = json.loads(file.readline())
+            columns = {name: np.fromfile(file, about["types"][name], about["rows"]) for name in COLUMNS}
+    return columns, about

@@ -50,7 +50,7 @@ class Format:
     Attributes:
         name: as people know it.
         fits: whether a file that begins like this has the format.
-        read: the detections.
+        read: the detections; with what gives the geometry, where a file takes long to open.
         walls: the geometry inside the file; None: it has none.
         unit: of its lengths; None: any, so that `--unit` has a meaning.
         pixels: whether positions are pixels, or may be.
@@ -58,7 +58,7 @@ class Format:
 
     name: str
     fits: Callable[[Beginning], bool]
-    read: Callable[[Path, TableOptions], Trajectories]
+    read: Callable[[Path, TableOptions], Trajectories | tuple[Trajectories, Callable[[], Walls | None]]]
     walls: Callable[[Path], Walls | None] = lambda path: None
     unit: str | None = "m"
     pixels: bool = False
@@ -91,11 +91,13 @@ def read_file(path: Path, options: TableOptions | None = None, with_walls: bool 
         )
     if options.columns is not None and kind is not _TABLE:
         raise ValueRuleError("--columns", options.columns, f"{path} is {kind.name}, whose columns are known")
-    trajectories = without_placeholders(path, kind.read(path, options))
+    content = kind.read(path, options)
+    people, walls_in = content if isinstance(content, tuple) else (content, partial(kind.walls, path))
+    trajectories = without_placeholders(path, people)
     titled = kind is _TABLE and options.columns is None
     unit = PIXELS if is_of_pixels(options) else kind.unit
     dt_s = checked_interval_s(path, trajectories, titled, options, unit)
-    walls = kind.walls(path) if with_walls else None
+    walls = walls_in() if with_walls else None
     if walls is None:
         return Scene(path.stem, trajectories, OccupancyMap.free_around(trajectories.position), dt_s)
     with translate_errors(partial(SourceError, path, None)):
