@@ -4,8 +4,10 @@ import copy
 import errno
 import math
 import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
@@ -14,7 +16,7 @@ from omegaconf import OmegaConf
 from pedpred.config import part
 from pedpred.errors import PedpredError
 from stages import evaluate, features, pretrain_autoencoder, train
-from stages.config import PARTS, check_layouts, check_parts, layout_names, main
+from stages.config import PARTS, STAMP, check_layouts, check_parts, layout_names, main
 from stages.simulate import read_layouts
 from tests.configuration import read
 from tests.conftest import ROOT
@@ -239,6 +241,18 @@ def test_a_folder_that_is_read_only_is_named_without_a_traceback(monkeypatch):
     monkeypatch.setattr("pedpred.config.main", Mock(side_effect=refused))
     with pytest.raises(SystemExit, match=r"'data/config\.checked'\. Nothing half-written was kept"):
         main()
+
+
+def test_an_edit_under_conf_without_make_params_ends_the_stage(tmp_path, monkeypatch):
+    shutil.copytree(ROOT / "conf", tmp_path / "conf")
+    shutil.copy(ROOT / "params.yaml", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DVC_EXP_NAME", raising=False)
+    edited = Path("conf/simulations/rooms.yaml")
+    edited.write_text(edited.read_text().replace("pedestrians: 10", "pedestrians: 11"))
+    with pytest.raises(SystemExit, match=r"-    pedestrians: 10\n\+    pedestrians: 11(.|\n)*make params"):
+        main()
+    assert not Path(STAMP).exists()
 
 
 def test_a_study_may_be_left_out():
