@@ -49,7 +49,7 @@ def on_a_machine(out, size, read_only, *command, folder="/"):
 
 @pytest.fixture(scope="module")
 def read_only(tmp_path_factory):
-    """What four commands that write into the output said, and then one that writes into the current folder."""
+    """What four commands that write into the output said, then one that writes into the current folder."""
     out = tmp_path_factory.mktemp("read_only") / "out"
     script = (
         "import sys; from pedpred.command import main; scene, out = sys.argv[1:]\n"
