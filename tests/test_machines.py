@@ -209,14 +209,14 @@ def archived(tmp_path_factory):
     return folder
 
 
-def run(folder, *command, code=0):
+def run(folder, *command):
     """Run a command; what it says."""
     tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     outer = {name: value for name, value in os.environ.items() if not name.startswith(("DVC_", "GIT_"))}
     env = outer | {"PATH": tools, "GIT_CEILING_DIRECTORIES": str(folder.parent)}
     done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
     said = done.stdout + done.stderr
-    assert done.returncode == code, said
+    assert done.returncode == 0, said
     assert "Traceback" not in said
     return said
 

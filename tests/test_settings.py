@@ -63,15 +63,15 @@ def nodes(value, path=()):
 
 
 def unlike(name):
-    """All values of a part with their paths; of shapes in a drawn room that have the same fields, of one."""
+    """All values of a part with their paths; of shapes with the same fields in a drawn room, one's."""
     seen = set()
     for path, value in nodes(PARAMS[name]):
-        holders, at = [], PARAMS[name]
+        holders, at = [*path[:1]], PARAMS[name]
         for key in path[:-1]:
             at = at[key]
-            holders.append(key if name != "layouts" else tuple(at) if isinstance(at, dict) else path[0])
-        if (*holders, *path[-1:]) not in seen:
-            seen.add((*holders, *path[-1:]))
+            holders.append(key if name != "layouts" else tuple(at) if isinstance(at, dict) else "list")
+        if (like := (*holders, *path[-1:], type(value))) not in seen:
+            seen.add(like)
             yield path, value
 
 
