@@ -61,17 +61,17 @@ def stream(model, settings=None):
     frames(walkers(1, 45, 0))
     frames(walkers(2, 45, 1))
     frames(walkers(0, 3, 1))
-    frames(walkers(6, 40, 2, gap_m=0.3))
-    frames(walkers(3, 45, 3, speed_mps=0.0))
+    frames(walkers(6, 20, 2, gap_m=0.3))
+    frames(walkers(3, 20, 3, speed_mps=0.0))
     for own in maps():
         predictor.set_map(own)
         frames(walkers(4, 4, 4))
     predictor.reset()
-    frames(walkers(3, 40, 5), velocity=np.ones((3, 2)))
+    frames(walkers(3, 20, 5), velocity=np.ones((3, 2)))
     now += 10.0
-    frames(walkers(2, 40, 6), ids=[2**40, -7])
-    frames(walkers(1, 40, 7), ids=[-7])
-    frames(walkers(20, 30, 8, gap_m=0.5), dt_s=0.33)
+    frames(walkers(2, 20, 6), ids=[2**40, -7])
+    frames(walkers(1, 30, 7), ids=[-7])
+    frames(walkers(20, 15, 8, gap_m=0.5), dt_s=0.33)
     frames([(5.0 * k * np.ones((2, 2))).tolist() for k in range(10)], ids=[1, 2])
     frames([np.asfortranarray(there.astype(np.float32)) for there in walkers(3, 10, 9)])
 
