@@ -347,7 +347,8 @@ def test_only_the_named_forecaster_sees_the_future(predictor, method):
 
 
 @pytest.mark.parametrize(
-    ("kind", "method"), [*(("differential", name) for name in NAMES), ("holonomic", "modes"), ("holonomic", TRUTH)]
+    ("kind", "method"),
+    [*(("differential", name) for name in NAMES), ("holonomic", "modes"), ("holonomic", TRUTH)],
 )
 def test_mirrored_worlds_give_mirrored_drives(predictor, kind, method):
     """A robot of another kind plans with the same forecasts: one with modes and covariances, one exact."""
