@@ -1,12 +1,16 @@
 """What the configuration and the pipeline hold; what takes a second to make is made once in a process."""
 
+import copy
 from functools import cache
 from typing import Any
 
+import hydra
 import networkx as nx
 import yaml
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import DictConfig, OmegaConf
 
-from pedpred import config
 from tests.conftest import ROOT
 
 
@@ -16,13 +20,23 @@ def read(path: str) -> Any:
 
 
 def composed(*overrides: str) -> dict[str, Any]:
-    """What conf/ composes to; without overrides that is params.yaml, as `test_house.py` says."""
-    return yaml.load(_text(*overrides), yaml.CSafeLoader) if overrides else read("params.yaml")
+    """What conf/ composes to, as `test_house.py` says; without overrides that is params.yaml.
+
+    Overrides of values are applied, by Hydra's function for it, to what files are composed to once.
+    """
+    if not overrides:
+        return read("params.yaml")
+    parsed = OverridesParser.create().parse_overrides([*overrides])
+    files = [one.input_line for one in parsed if "." not in one.key_or_group]
+    changed = copy.deepcopy(_composed(*files))
+    ConfigLoaderImpl._apply_overrides_to_config([one for one in parsed if "." in one.key_or_group], changed)
+    return OmegaConf.to_container(changed, resolve=True)
 
 
 @cache
-def _text(*overrides: str) -> str:
-    return config.composed(ROOT / "conf", [*overrides])
+def _composed(*overrides: str) -> DictConfig:
+    with hydra.initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        return hydra.compose("config", overrides=[*overrides])
 
 
 @cache

@@ -1,6 +1,5 @@
 """Ablations: what they ask for exists, and their points become a picture and a table."""
 
-import copy
 import dataclasses
 import os
 import subprocess
@@ -8,16 +7,14 @@ import sys
 from itertools import combinations
 from pathlib import Path
 
-import hydra
 import pandas as pd
 import pytest
 import yaml
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from omegaconf import OmegaConf
+from dvc.repo import Repo
 
 from pedpred import config
 from pedpred.errors import ConfigError, FileError, ValueRuleError
+from pedpred.plain import parse_yaml
 from pedpred.report.ablation import (
     Column,
     ablation_figure,
@@ -29,7 +26,7 @@ from pedpred.report.ablation import (
 )
 from pedpred.report.canvas import png_bytes
 from stages.config import check_parts
-from tests.configuration import read
+from tests.configuration import composed, read
 from tests.forecasts import METHODS
 from tools import ablate
 
@@ -38,27 +35,21 @@ ABLATIONS = sorted((ROOT / "conf" / "ablations").glob("*.yaml"))
 PIPELINE = read("dvc.yaml")["stages"]
 
 
-def composed(ablation):
-    """The configurations of all points; hydra's own function changes what is composed of conf/ once."""
-    with hydra.initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        usual, parser = hydra.compose("config", overrides=[*ablation.always]), OverridesParser.create()
-    for overrides in ablation.points.values():
-        point = copy.deepcopy(usual)
-        ConfigLoaderImpl._apply_overrides_to_config(parser.parse_overrides([*overrides]), point)
-        yield OmegaConf.to_container(point, resolve=True)
+def composed_points(ablation):
+    return [composed(*ablation.always, *overrides) for overrides in ablation.points.values()]
 
 
 def test_points_are_what_conf_composes_to():
     ablation = read_ablation(ROOT / "conf" / "ablations" / "pretraining.yaml")
-    _, second, *_ = composed(ablation)
+    _, second, *_ = composed_points(ablation)
     overrides = [*ablation.always, *list(ablation.points.values())[1]]
-    assert second == yaml.safe_load(config.composed(ROOT / "conf", overrides))
+    assert second == parse_yaml(config.composed(ROOT / "conf", overrides))
 
 
 @pytest.mark.parametrize("path", ABLATIONS, ids=lambda path: path.stem)
 def test_every_point_composes_and_differs(path):
     ablation = read_ablation(path)
-    points = list(composed(ablation))
+    points = composed_points(ablation)
     assert all(one != other for one, other in combinations(points, 2))
     for point in points:
         check_parts(point)  # else the stage `config` ends the experiment
@@ -176,19 +167,23 @@ def test_a_point_that_does_not_exist_is_named_beside_those_that_do(monkeypatch):
         ablate.main()
 
 
+def test_a_point_without_overrides_is_in_order():
+    ablation = read_ablation(ABLATIONS[0].with_stem("reach"))
+    ablate.check_points(dataclasses.replace(ablation, points={"a": []}), ROOT / "conf")
+
+
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
         ({"methods": ["lstmm"]}, "key 'methods' = 'lstmm': choose some of .*lstm, "),
         ({"references": ["kalman"]}, "key 'references' = 'kalman': choose some of .*kalman_cv, "),
         ({"points": {"a": [], "b": ["training.main.stepz=5"]}}, "training.main.stepz"),
-        ({"points": {"a": [], "b": ["training.main.steps=-5"]}}, "training.main.steps"),
+        ({"points": {"b": ["training.main.steps=-5"]}}, "training.main.steps"),
     ],
 )
 def test_a_misspelt_method_or_override_is_found_before_any_point_runs(changes, named):
     """The figures of a method are looked up when all points have been trained, for hours."""
     ablation = read_ablation(ABLATIONS[0].with_stem("reach"))
-    ablate.check_points(dataclasses.replace(ablation, points={"a": []}), ROOT / "conf")
     with pytest.raises((ConfigError, ValueRuleError), match=named):
         ablate.check_points(dataclasses.replace(ablation, **{"points": {"a": []}} | changes), ROOT / "conf")
 
@@ -209,23 +204,26 @@ def test_programs_are_found_where_nobody_activated_the_environment(monkeypatch):
     assert ablate.said_by("git", "--version")
 
 
+@pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
 def test_what_waits_in_the_queue_under_the_name_of_a_point_is_not_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     stages = {"gather": {"cmd": "true", "params": ["x"]}}
     for name, content in (("dvc.yaml", {"stages": stages}), ("params.yaml", {"x": 1})):
         Path(name).write_text(yaml.safe_dump(content))
-    for command in (
-        "git init -q",
-        "git config user.name somebody",
-        "git config user.email some@body",
-        "dvc init -q",
-        "git add -A",
-        "git commit -qm first",
-    ):
-        subprocess.run(command.split(), check=True)
-    for name in ("reach-0.1", "mine"):
-        ablate.said_by("dvc", "exp", "run", "--queue", "--name", name, "--set-param", "x=2", "gather")
-    ablate.leave_queue({"reach-0.1"})
-    status = ablate.said_by("dvc", "queue", "status")
-    assert "mine" in status
-    assert "reach-0.1" not in status
+
+    def git(*words):
+        subprocess.run(["git", *words], check=True)
+
+    git("init", "--quiet")
+    for key in ("user.name", "user.email"):
+        git("config", key, "somebody")
+    Repo.init().close()
+    git("add", "--all")
+    git("commit", "--quiet", "--message", "first")
+    with Repo() as project:
+        experiments = project.experiments
+        for name in ("reach-0.1", "mine"):
+            changes = {"params.yaml": ["x=2"]}
+            experiments.queue_one(experiments.celery_queue, targets=["gather"], params=changes, name=name)
+        ablate.leave_queue({"reach-0.1"})
+        assert [task["name"] for task in experiments.celery_queue.status()] == ["mine"]

@@ -17,6 +17,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 from dvc.repo import Repo
@@ -40,6 +41,9 @@ from pedpred.report.methods import Methods
 from stages.config import check_parts
 from tools.arguments import count, in_project
 from tools.programs import beside_python
+
+if TYPE_CHECKING:
+    from dvc.repo.experiments.queue.celery import LocalCeleryQueue
 
 PATIENCE_S = 2.0  # between two looks at the queue
 _LOOKS = 30  # until workers are started again, in case that one has died: DVC starts only missing ones
@@ -68,20 +72,20 @@ def leave_queue(names: Collection[str]) -> None:
 
     Stages that have ended come from DVC's cache.
     """
-    said_by("dvc", "queue", "remove", "--failed")
-    for status, command in (("Queued", "remove"), ("Running", "kill")):
-        if tasks := _tasks(names, status):
-            said_by("dvc", "queue", command, *tasks)
-    while _tasks(names, "Running"):
-        time.sleep(PATIENCE_S)
-    said_by("dvc", "queue", "remove", "--failed")
-
-
-def _tasks(names: Collection[str], status: str) -> list[str]:
-    """Revisions of the queue's tasks with some names that have a status."""
     with Repo() as project:
-        tasks = project.experiments.celery_queue.status()
-    return [task["rev"] for task in tasks if task["status"] == status and task["name"] in names]
+        queue = project.experiments.celery_queue
+        queue.clear(failed=True)
+        for status, command in (("Queued", "remove"), ("Running", "kill")):
+            if tasks := _tasks(queue, names, status):
+                said_by("dvc", "queue", command, *tasks)
+        while _tasks(queue, names, "Running"):
+            time.sleep(PATIENCE_S)
+        queue.clear(failed=True)
+
+
+def _tasks(queue: LocalCeleryQueue, names: Collection[str], status: str) -> list[str]:
+    """Revisions of the queue's tasks with some names that have a status."""
+    return [task["rev"] for task in queue.status() if task["status"] == status and task["name"] in names]
 
 
 def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) -> dict[str, str]:
