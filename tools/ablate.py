@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 from dvc.repo import Repo
+from dvc.scm import SCMError
 from tqdm import tqdm
 
 from pedpred.config import composed, config_errors, plain, read_params
@@ -71,9 +72,15 @@ def leave_queue(names: Collection[str]) -> None:
     """End what an interrupted call left in the queue: under the same name, it may have had other settings.
 
     Stages that have ended come from DVC's cache.
+
+    Raises:
+        SystemExit: DVC has no queue here; with what it says.
     """
     with Repo() as project:
-        queue = project.experiments.celery_queue
+        try:
+            queue = project.experiments.celery_queue
+        except SCMError as error:
+            raise SystemExit(str(error)) from error
         queue.clear(failed=True)
         for status, command in (("Queued", "remove"), ("Running", "kill")):
             if tasks := _tasks(queue, names, status):
