@@ -74,13 +74,14 @@ def leave_queue(names: Collection[str]) -> None:
     Stages that have ended come from DVC's cache.
 
     Raises:
-        SystemExit: DVC has no queue here; with what it says.
+        SystemExit: there is no git repository, without which DVC has no queue.
     """
-    with Repo() as project:
-        try:
-            queue = project.experiments.celery_queue
-        except SCMError as error:
-            raise SystemExit(str(error)) from error
+    try:
+        opened = Repo()
+    except SCMError as error:
+        raise SystemExit(str(error)) from error
+    with opened as project:
+        queue = project.experiments.celery_queue
         queue.clear(failed=True)
         for status, command in (("Queued", "remove"), ("Running", "kill")):
             if tasks := _tasks(queue, names, status):
