@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import gc
 import os
 import shutil
 from pathlib import Path
@@ -19,6 +20,13 @@ graph._LOADED = {}  # networks stay, since tests load the same ones again and ag
 os.environ.setdefault("PEDPRED_JOBS", "1")  # and their sets smaller than what a worker takes to start
 
 os.environ.update(PLAIN_GIT)
+
+
+def pytest_collection_finish():
+    """What has been imported and collected stays: the garbage collector need not look at it at each pass."""
+    gc.collect()
+    gc.freeze()
+
 
 ROOT = Path(__file__).resolve().parents[1]
 

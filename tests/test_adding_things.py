@@ -66,13 +66,12 @@ for stage, arguments in runs:
         del common[name]
 """
 ROBOT = """
-from pathlib import Path
 from pedpred.online import OnlinePredictor
 from pedpred.online.replay import replay_scene
 from pedpred.storage.scenes import read_scene
 scene = read_scene(Path("data/scenes/real/toy"))
 *_, last = replay_scene(scene, OnlinePredictor.load(Path("models/online/toy")))
-print([last.predictions.modes, last.predictions.weight[:, 1].tolist()])
+print(json.dumps([last.predictions.modes, last.predictions.weight[:, 1].tolist()]))
 """
 
 
@@ -174,22 +173,23 @@ def project(tmp_path_factory):
         run(folder, "git", "add", "--all")
         touched[kind] = set(run(folder, "git", "diff", "--staged", "--name-only").split())
         run(folder, "git", "commit", "--quiet", "--message", f"added: {kind}")
-    run(folder, sys.executable, "-m", "pedpred.config")
+    (folder / "params.yaml").write_text(config.composed(folder / "conf", []))
     write_shared(config.read_params(folder), folder)
     return folder, touched
 
 
 @pytest.fixture(scope="module")
 def reproduced(project):
-    """The copy after its stages have run on the toy place."""
+    """The copy after its stages have run on the toy place, and what a robot then said there."""
     folder, _ = project
     (folder / "mirror").mkdir()
     (folder / "mirror/people.txt").write_text(people())
     write_autoencoder(folder / "models/autoencoder")
     (folder / "data/features/simulated").mkdir(parents=True)
     (folder / "data/features/simulated/main").symlink_to("../real/toy")  # an export reads their sizes
-    run(folder, sys.executable, "-c", STAGES, json.dumps([["scale=smoke", *SMALL, *OTHERS], RUNS]))
-    return folder
+    asked = json.dumps([["scale=smoke", *SMALL, *OTHERS], RUNS])
+    said = run(folder, sys.executable, "-c", STAGES + ROBOT, asked)
+    return folder, json.loads(said.splitlines()[-1])
 
 
 def table_of_additions():
@@ -221,16 +221,17 @@ def test_an_addition_has_its_stages(project, kind):
 
 
 def test_a_new_network_is_trained_and_evaluated_with_all_its_modes(reproduced):
-    before, after = (read_checkpoint(reproduced / "models" / name / "toy") for name in ("main", "folds/toy"))
+    folder, _ = reproduced
+    before, after = (read_checkpoint(folder / "models" / name / "toy") for name in ("main", "folds/toy"))
     assert not np.array_equal(before[0]["out.weight"], after[0]["out.weight"])
     assert before[0]["read.weight"].shape == (6, 3), "it reads the velocity and the new channel"
-    windows = read_windows(reproduced / "data/forecasts/folds/toy/toy/real/toy/toy.parquet")
+    windows = read_windows(folder / "data/forecasts/folds/toy/toy/real/toy/toy.parquet")
     assert windows.predictions["toy"].modes == 2
     np.testing.assert_allclose(windows.predictions["toy"].weight[:, 1], 1 / 3, atol=1e-4)
 
 
 def test_a_new_metric_stands_beside_the_others_for_every_method(reproduced):
-    measured = json.loads((reproduced / "reports/metrics/real.json").read_text())["toy"]
+    measured = json.loads((reproduced[0] / "reports/metrics/real.json").read_text())["toy"]
     assert "toy" in measured
     assert measured["again"] == measured["kalman_cv"] != measured["cv"]  # the row names this baseline
     for method in measured.values():
@@ -239,13 +240,13 @@ def test_a_new_metric_stands_beside_the_others_for_every_method(reproduced):
 
 
 def test_new_methods_and_metrics_are_reported_by_their_labels(reproduced):
-    page = (reproduced / "reports/real.md").read_text()
+    page = (reproduced[0] / "reports/real.md").read_text()
     assert all(label in page for label in ("Toy network", "again", "overshoot"))
 
 
 def test_a_new_network_runs_on_the_robot(reproduced):
-    scene = read_scene(reproduced / "data/scenes/real/toy")
+    folder, (modes, weight) = reproduced
+    scene = read_scene(folder / "data/scenes/real/toy")
     assert len(np.unique(scene.trajectories.track_id)) == 12
-    modes, weight = json.loads(run(reproduced, sys.executable, "-c", ROBOT))
     assert modes == 2
     np.testing.assert_allclose(weight, 1 / 3, atol=0.01)

@@ -4,8 +4,9 @@ from itertools import combinations
 
 import networkx as nx
 import pytest
+from omegaconf import OmegaConf
 
-from pedpred.config import read_params
+from tests import configuration
 from tests.conftest import ROOT
 from tools.branches import SHARED, branches, needed, stage_names
 
@@ -15,13 +16,16 @@ pytestmark = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarni
 
 @pytest.fixture(scope="module")
 def graph():
-    return stage_names(ROOT)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tools.branches.pipeline", lambda _: configuration.stages())
+        return stage_names(ROOT)
 
 
 @pytest.fixture(scope="module")
 def stages(graph):
     """Names of the stages of each branch, in the order in which they run."""
-    return {name: needed(graph, last) for name, last in branches(read_params(ROOT)).items()}
+    params = OmegaConf.create(configuration.read("params.yaml"))
+    return {name: needed(graph, last) for name, last in branches(params).items()}
 
 
 def test_stages_come_after_those_that_they_need(graph, stages):

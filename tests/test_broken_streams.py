@@ -51,7 +51,7 @@ def test_an_id_that_jumps_is_a_new_person(folder, jump_m):
     rng = np.random.default_rng(1)
     start, velocity = walkers(rng, people=8, apart_m=100.0)
     robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
-    for k in range(60):
+    for k in range(45):
         position = start + 0.1 * k * velocity + rng.normal(0, 0.02, start.shape)
         ids, renamed = np.arange(8), np.arange(8)
         if k >= 25:
@@ -64,7 +64,7 @@ def test_an_id_that_jumps_is_a_new_person(folder, jump_m):
         assert_sound(found, ids)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     seed=SEEDS,
     jumps=st.lists(st.floats(0, np.log10(FARTHEST_M) - 0.1), min_size=1, max_size=3),
@@ -73,10 +73,10 @@ def test_an_id_that_jumps_is_a_new_person(folder, jump_m):
 def test_no_jump_and_no_gap_spoils_a_forecast(folder, seed, jumps, gaps):
     """Jumps of 1 m to 1e8 m, frames 1 us to 10 s apart: everybody has a forecast, the others the same."""
     rng = np.random.default_rng(seed)
-    start, velocity = walkers(rng, people=10)
+    start, velocity = walkers(rng, people=8)
     robot, other, now = OnlinePredictor.load(folder), OnlinePredictor.load(folder), 0.0
     others = np.delete(np.arange(len(start)), JUMPER)
-    for k in range(30):
+    for k in range(22):
         now += 10.0 ** gaps[k % len(gaps)] if k >= 10 else 0.1
         position = np.clip(start + now * velocity, -50, 50) + rng.normal(0, 0.05, start.shape)
         position[JUMPER] += 300.0  # whoever meets others concerns them
@@ -120,9 +120,10 @@ def usual_m():
 def test_fast_frames_are_no_noisier(stream, usual_m):
     """Of people who were first seen 2.5 s before; at 1000 Hz, each second takes long: 50 Hz at first."""
     now = STREAMS[stream]()
-    now = now[(now >= WARM_S - 2.5) & (now <= WARM_S + (0.1 if stream == "1000 Hz" else 1.0))]
+    measured_s = {"1000 Hz": 0.1, "100 Hz": 0.4}.get(stream, 1.0)
+    now = now[(now >= WARM_S - 2.5) & (now <= WARM_S + measured_s)]
     if stream == "1000 Hz":
-        now = np.concatenate([now[:-400:20], now[-400:]])
+        now = np.concatenate([now[:-250:20], now[-250:]])
     assert errors_m(lambda: now)[0] < 1.3 * usual_m
 
 
@@ -131,19 +132,20 @@ def test_a_queue_that_catches_up_is_no_noisier_than_one_frame_of_each_second():
     assert errors_m(queue, many)[0] < errors_m(STREAMS["1 Hz"], many)[0]
 
 
-@pytest.mark.parametrize("odd_s", [1e9, 36000.0, -5.0])
-def test_a_clock_that_changes_while_nobody_is_there_costs_nothing(odd_s):
+def test_a_clock_that_changes_while_nobody_is_there_costs_nothing():
     """Regions learn, and nothing is kept for ever."""
     rng = np.random.default_rng(3)
-    robot, other = OnlinePredictor.load(), OnlinePredictor.load()
-    robot.update(odd_s, [], [])
-    for k in range(120):
+    other, *robots = (OnlinePredictor.load() for _ in range(4))
+    for robot, odd_s in zip(robots, (1e9, 36000.0, -5.0), strict=True):
+        robot.update(odd_s, [], [])
+    for k in range(90):
         position = np.array([[0.12 * k, 0.0], [5.0 - 0.12 * k, 1.0]]) + rng.normal(0, 0.03, (2, 2))
-        found, expected = (p.update(0.1 * k, [1, 2], position) for p in (robot, other))
-        np.testing.assert_array_equal(found.predictions.covariance, expected.predictions.covariance)
-    for regions in (robot._regions, other._regions):
-        assert regions.learned.any()
-        assert regions.detections.time_s.min() > 0.1 * 119 - 4.5
+        expected, *found = (robot.update(0.1 * k, [1, 2], position) for robot in (other, *robots))
+        for one in found:
+            np.testing.assert_array_equal(one.predictions.covariance, expected.predictions.covariance)
+    for robot in (other, *robots):
+        assert robot._regions.learned.any()
+        assert robot._regions.detections.time_s.min() > 0.1 * 89 - 4.5
 
 
 def test_regions_of_walkers_do_not_learn_from_furniture():
@@ -153,7 +155,7 @@ def test_regions_of_walkers_do_not_learn_from_furniture():
         rng, robot, kept = np.random.default_rng(5), OnlinePredictor.load(), []
         where = np.stack([np.full(things, 40.0), np.arange(things)], axis=1)
         start, heading = rng.uniform(-5, 5, (6, 2)), rng.uniform(-np.pi, np.pi, 6)
-        truth = np.empty((450, 6, 2))
+        truth = np.empty((270, 6, 2))
         for k in range(len(truth)):
             heading += rng.normal(0, 0.05, 6)
             start = start + 0.12 * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
@@ -161,7 +163,7 @@ def test_regions_of_walkers_do_not_learn_from_furniture():
         for k, position in enumerate(truth):
             seen = np.concatenate([position + rng.normal(0, 0.02, position.shape), where])
             forecast = robot.update(0.1 * k, np.arange(6 + things), seen)
-            if k > 300 and k % 3 == 0 and k + 30 < len(truth):
+            if k > 150 and k % 3 == 0 and k + 30 < len(truth):
                 after = truth[k + 3 : k + 31 : 3][:10].swapaxes(0, 1)
                 kept.append(share_inside(forecast.predictions.select(np.arange(6)), after))
         shares.append([(np.concatenate(kept) <= share).mean() for share in (0.5, 0.9, 0.95)])

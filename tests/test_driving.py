@@ -312,7 +312,7 @@ def test_the_true_future_hits_nobody_whom_standing_people_hit(predictor, kind):
         places = rng.uniform((-2, -9), (3, 9), (count, 2))
         velocities = np.stack([rng.normal(0, 0.2, count), -np.sign(places[:, 1]) * 1.2], axis=-1)
         episode = episode_to((4.0, 0.0), straight(places, velocities))
-        for method in faults:
+        for method in (method for method in faults if not faults[method]):
             done = driven(predictor, method, episode, kind_of(kind))
             faults[method] += int(find_contacts(done, 0.3).fault.sum())
     assert faults[TRUTH] == 0
@@ -346,9 +346,12 @@ def test_only_the_named_forecaster_sees_the_future(predictor, method):
     assert same == (method != TRUTH)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("method", NAMES)
+@pytest.mark.parametrize(
+    ("kind", "method"),
+    [*(("differential", name) for name in NAMES), ("holonomic", "modes"), ("holonomic", TRUTH)],
+)
 def test_mirrored_worlds_give_mirrored_drives(predictor, kind, method):
+    """A robot of another kind plans with the same forecasts: one with modes and covariances, one exact."""
     ground = blocked(np.s_[110:115, 70:90])
     mirror = replace(ground, occupied=ground.occupied[:, ::-1].copy())
     other = window_of(CROSSING.position * (1.0, -1.0))

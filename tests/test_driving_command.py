@@ -37,12 +37,40 @@ def test_a_table_is_the_same_however_it_grew(tmp_path, capsys):
     assert before.st_size == len(whole)
 
 
-@pytest.mark.parametrize("processes", ["1", "2"])
-def test_drives_that_are_interrupted_go_on_where_they_were(tmp_path, processes):
-    """Ctrl-C keeps what is done; the rest, driven later, gives the bytes of an undisturbed run."""
-    table, methods = tmp_path / "table.csv", ("--method", "standing", "--method", "kalman")
-    command = [sys.executable, "-m", "pedpred.command", "drive", CORNER, "--table", str(table), *methods]
-    command += ["--risk", "0.1", "--episodes", "5000", "--processes", processes]
+INTERRUPTED = ("--method", "standing", "--method", "kalman", "--risk", "0.1")
+
+
+def goes_on(table, whole):
+    """The rest, driven later, gives the bytes of an undisturbed run."""
+    done = 1 + max(row.episode for row in read_table(table))
+    assert done >= 2
+    options = *INTERRUPTED, "--episodes", str(done + 1)
+    assert driven(table, *options) == driven(whole, *options)
+
+
+def test_drives_that_are_interrupted_go_on_where_they_were(tmp_path, monkeypatch):
+    """Ctrl-C keeps what is done."""
+    table, usual = tmp_path / "table.csv", driving.run
+
+    def stopped(*asked):
+        for number, done in enumerate(usual(*asked)):
+            if number == 2:
+                signal.raise_signal(signal.SIGINT)
+            yield done
+
+    with monkeypatch.context() as patch:
+        patch.setattr(driving, "run", stopped)
+        with pytest.raises(SystemExit) as ended:
+            driven(table, *INTERRUPTED, "--episodes", "5000")
+    assert ended.value.code == 130
+    goes_on(table, tmp_path / "whole.csv")
+
+
+def test_drives_of_two_processes_that_are_interrupted_go_on_where_they_were(tmp_path):
+    """Ctrl-C, which ends their workers quietly, keeps what is done."""
+    table = tmp_path / "table.csv"
+    command = [sys.executable, "-m", "pedpred.command", "drive", CORNER, "--table", str(table), *INTERRUPTED]
+    command += ["--episodes", "5000", "--processes", "2"]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("TQDM_")}
     environment["TQDM_MININTERVAL"] = "0"
     heeds = partial(
@@ -55,10 +83,7 @@ def test_drives_that_are_interrupted_go_on_where_they_were(tmp_path, processes):
         started.send_signal(signal.SIGINT)
         assert "Traceback" not in started.communicate(timeout=120)[1]
         assert started.returncode == 130
-    done = 1 + max(row.episode for row in read_table(table))
-    assert done >= 2
-    options = *methods, "--risk", "0.1", "--episodes", str(done + 1)
-    assert driven(table, *options) == driven(tmp_path / "whole.csv", *options)
+    goes_on(table, tmp_path / "whole.csv")
 
 
 def test_drives_of_other_settings_are_not_added(tmp_path):

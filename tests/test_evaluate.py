@@ -433,8 +433,8 @@ def test_no_other_method_has_the_name_of_one_that_is_always_there(name, hall, mi
         assess(scene, robot_for(scene, mixture[0]), EvaluationSettings(), others={name: None})
 
 
-AROUND = range(4)
-"""People on circles."""
+AROUND, SEEN = range(4), 16
+"""People on circles, and how often each is detected."""
 
 
 @pytest.fixture(scope="module")
@@ -444,7 +444,7 @@ def circles(tmp_path_factory):
     seen, ahead = ["time,id,x,y"], [",".join(COLUMNS)]
     for who in AROUND:
         centre, radius, turn = rng.uniform(-8, 8, 2), rng.uniform(2, 4), rng.uniform(0.2, 0.5)
-        now = 0.4 * np.arange(5 * who, 5 * who + 40)
+        now = 0.4 * np.arange(5 * who, 5 * who + SEEN)
         at = centre + radius * np.stack([np.cos(turn * now), np.sin(turn * now)], axis=-1)
         seen += [f"{t:.1f},{who},{x},{y}" for t, (x, y) in zip(now, at, strict=True)]
         for t in now:
@@ -473,7 +473,7 @@ def test_forecasts_follow_their_people_through_every_option(options, recording, 
     given = (circles / recording, "--forecasts", circles / "perfect.csv", "--model", mixture[0])
     (figures,) = measured(*given, *options, out=tmp_path / "e.json").values()
     assert figures["perfect"]["ade_m"] < 0.01
-    assert figures["perfect"]["windows"] == len(AROUND) * (40 - 3 - 8)
+    assert figures["perfect"]["windows"] == len(AROUND) * (SEEN - 3 - 8)
     assert figures["cv"]["ade_m"] > 0.1
 
 

@@ -88,10 +88,15 @@ def file_of(module):
 
 
 @cache
+def parsed(path):
+    return ast.parse(path.read_text())
+
+
+@cache
 def imported(path):
     """The (module, name) pairs that a file imports; name is None for a plain `import module`."""
     pairs = []
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             pairs += ((alias.name, None) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -163,7 +168,7 @@ def test_the_page_names_what_works_without_torch():
 
 
 def test_the_page_names_types_and_fields_that_exist():
-    trees = (ast.parse(path.read_text()) for path in (ROOT / "pedpred").rglob("*.py"))
+    trees = (parsed(path) for path in (ROOT / "pedpred").rglob("*.py"))
     classes = {node.name: node for tree in trees for node in tree.body if isinstance(node, ast.ClassDef)}
     table = ARCHITECTURE.partition("## Data types")[2].partition("## ")[0]
     for types, contents in re.findall(r"^\| (.+) \| (.+) \|$", table, re.MULTILINE):

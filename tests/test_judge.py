@@ -3,11 +3,13 @@
 import json
 import shutil
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pedpred.config import read_params
 from pedpred.errors import ValueRuleError
 from pedpred.online.network import read_origin
 from tests.conftest import ROOT
@@ -32,6 +34,13 @@ OWN |= {"per_step_coverage_95": [0.95] * 10}
 SIMPLE = {"cv": {"ade_m": 0.5, "standing_ade_m": 0.3}, "kalman_cv": {"ade_m": 0.4, "standing_ade_m": 0.2}}
 SIMPLE["kalman_cv"]["nll"] = 0.0
 GOOD, BAD = below("eth", "ADE", 1.0, 2.0), below("eth", "ADE", 3.0, 2.0)
+PARAMS = cache(read_params)
+
+
+@pytest.fixture(autouse=True)
+def read_once(monkeypatch):
+    """params.yaml is read once: that takes longer than what is tested."""
+    monkeypatch.setattr(judge, "read_params", PARAMS)
 
 
 def verdicts(**changes):

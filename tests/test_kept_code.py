@@ -222,22 +222,22 @@ def test_a_folder_in_the_place_of_a_file_is_no_error(copied):
 
 def no_place(tmp_path):
     (tmp_path / "file").touch()
-    return {"NUMBA_CACHE_DIR": str(tmp_path / "file")}, ""
+    return {"NUMBA_CACHE_DIR": str(tmp_path / "file")}, "", None
 
 
 def no_home(tmp_path):
-    return {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", "HOME": "/dev/null"}, ""
+    return {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", "HOME": "/dev/null"}, "", ()
 
 
 def full_disk(tmp_path):
     limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n"
-    return {"NUMBA_CACHE_DIR": str(tmp_path / "full")}, limit
+    return {"NUMBA_CACHE_DIR": str(tmp_path / "full")}, limit, ()
 
 
 @pytest.mark.parametrize("place", [no_place, no_home, full_disk])
 def test_without_a_place_loops_are_compiled_all_the_same(before, tmp_path, place):
-    environment, first = place(tmp_path)
-    value, names, said = run(before[0], tmp_path, first + SCRIPT, (), **environment)
+    environment, first, wrapper = place(tmp_path)
+    value, names, said = run(before[0], tmp_path, first + SCRIPT, wrapper, **environment)
     assert (value, names) == (pytest.approx(VALUE), ["deeper", "inside", "outside"])
     assert said.count("compiled code cannot be kept in ") == 1
     assert not kept(tmp_path)
@@ -264,8 +264,6 @@ def test_a_read_only_installation_works(before, tmp_path):
     """Package and home as in a container: the command answers, loops are compiled."""
     shutil.copytree(before[0], tmp_path / "all")
     shutil.copytree(ROOT / "pedpred", tmp_path / "all" / "pedpred")
-    for path in (tmp_path / "all").rglob("__pycache__"):
-        shutil.rmtree(path)
     (tmp_path / "all" / "home").mkdir()
     about = f"from pedpred.command import main\nmain(['info', {str(ROOT / 'examples/corner/walk.txt')!r}])\n"
     silent = "import contextlib, io\nwith contextlib.redirect_stdout(io.StringIO()):\n"
@@ -361,30 +359,31 @@ def test_a_loop_that_changes_in_a_process_is_not_kept(monkeypatch):
     assert contents(reads_limits) is None
 
 
-WORLD = """
-import hashlib
+COUNT = """
+import numpy as np
 
-from pedpred.simulation.worlds import simulate_world
-from tests.simulated import short_worlds
+from pedpred.forecasting.comparisons import _SHARES, _count
+from pedpred.metrics.calibration import COARSE
 
-world = simulate_world("corridor", 1, short_worlds(5.0, 5.0))
-print(int(hashlib.sha256(world.trajectories.position.tobytes()).hexdigest()[:12], 16))
+missed, here, spread, nothing = np.zeros(1, np.int64), np.zeros((1, 1, 2)), np.eye(2)[None, None], np.zeros(1)
+truth, group, since = np.array([[2.0, 0.0]]), np.zeros(1, np.int64), np.zeros((2, 1))
+_count(missed, here, spread, np.ones((1, 1)), truth, nothing, group, since, _SHARES, COARSE)
+print(missed[0])
 """
 
 
-def test_a_loop_of_another_module_counts_in_a_simulation(tmp_path):
-    """`worlds.walking` calls `simulation.kernel`. Loops as they are need not be compiled again."""
-    shutil.copytree(ROOT / "pedpred", tmp_path / "pedpred", ignore=shutil.ignore_patterns("__pycache__"))
+def test_a_loop_of_another_module_counts_in_the_package(tmp_path):
+    """`forecasting.comparisons` calls `metrics.calibration`. Loops as they are need not be compiled again."""
     if cache_folder().exists():
         shutil.copytree(cache_folder(), tmp_path / "cache" / "pedpred")
-    first, _, _ = run(tmp_path, tmp_path / "cache", WORLD, ())
-    kernel = tmp_path / "pedpred" / "simulation" / "kernel.py"
+    assert run(tmp_path, tmp_path / "cache", COUNT)[0] == 1  # outside the region of 50 %, with 86 % inside
+    shutil.copytree(ROOT / "pedpred", tmp_path / "pedpred")
     edit(
-        kernel,
-        "return _blend(ground.distance, i, j, p, q), ",
-        "return 0.5 * _blend(ground.distance, i, j, p, q), ",
+        tmp_path / "pedpred" / "metrics" / "calibration.py",
+        "return 1.0 - here / left",
+        "return 0.5 * (1.0 - here / left)",
     )
-    assert run(tmp_path, tmp_path / "cache", WORLD, ())[0] != first
+    assert run(tmp_path, tmp_path / "cache", COUNT, ())[0] == 0
 
 
 def test_every_loop_has_contents():

@@ -1,5 +1,6 @@
 """What was learned at a place, kept in a file: a robot that starts again forecasts as if it had gone on."""
 
+import copy
 import json
 import os
 
@@ -32,12 +33,17 @@ def stream(robot, people, since_s=0.0):
     return [robot.update(since_s + now, ids, position) for now, ids, position in people]
 
 
-@pytest.fixture
-def visited(mixture, people):
-    """A robot that has seen people, who have left."""
+@pytest.fixture(scope="module")
+def visitor(mixture, people):
     robot = OnlinePredictor.load(mixture[0])
     stream(robot, people)
     return robot
+
+
+@pytest.fixture
+def visited(visitor):
+    """A robot that has seen people, who have left."""
+    return copy.deepcopy(visitor)
 
 
 def test_a_robot_that_starts_again_goes_on(mixture, people, visited, tmp_path):

@@ -28,18 +28,11 @@ stages:
     - path: data/scenes/eth
       hash: md5
       md5: 9c0e3de43a5a1a7a5b3d0d4a0c5a1c11.dir
-      size: 1024
       nfiles: 3
     params:
       params.yaml:
         scenes.eth.clocks: 3
         scenes.eth.label: Zürich
-    outs:
-    - path: data/features/eth
-      hash: md5
-      md5: 1b2cf535f27731c974343645a3985328.dir
-      size: 2048
-      nfiles: 2
 """
 
 

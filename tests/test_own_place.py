@@ -11,6 +11,9 @@ import pandas as pd
 import pytest
 import torch
 import yaml
+from dvc.dependency import ParamsDependency
+from dvc.dvcfile import load_file
+from dvc.repo import Repo
 from omegaconf import OmegaConf
 from PIL import Image
 
@@ -32,6 +35,8 @@ SMALL = [
     *(f"methods.baselines.{m}.where=[]" for m in ("ca", "social_force")),
 ]
 WALKING = json.loads((ROOT / "reports/metrics/walking.json").read_text())["corridor_flow"]
+SHOWN_S = {"crossing": 8.0, "simulated_corner": 16.0}
+"""Seconds of these recordings that are enough to train, to test and to draw."""
 ADDED = "+folds.real.trained={train: [real/crossing], test: []}"
 
 
@@ -76,7 +81,8 @@ def report(project):
 
 @pytest.fixture
 def unpainted(monkeypatch):
-    """Pages of text, without pictures, which take most of the time; one test paints those of the page."""
+    """Pages of text; one test draws their pictures, which takes most of the time, and paints some."""
+    monkeypatch.setattr("pedpred.report.gallery.snapshot_figure", lambda *_: None)
     monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
     monkeypatch.setattr("stages.report.render_page", lambda contents: "")
 
@@ -93,6 +99,9 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("made")
     for name in ("conf", "examples"):
         shutil.copytree(ROOT / name, folder / name)
+    for name, end_s in SHOWN_S.items():
+        tracks = pd.read_csv(file := folder / "examples" / name / "tracks.csv")
+        tracks[tracks["time"] <= end_s].to_csv(file, index=False)
     shutil.copy(ROOT / "dvc.yaml", folder)
     for name, row in zip(("places/recorded.yaml", "folds/leave_one_out.yaml"), rows(), strict=True):
         with (folder / "conf" / name).open("a") as file:
@@ -125,12 +134,35 @@ def project(made, tmp_path, monkeypatch):
     return copy.deepcopy(made[1])
 
 
-@pytest.mark.usefixtures("project")
-def test_it_has_stages_of_its_own():
-    stages = ("ingest", "features_real", "encode_real", "finetune@lstm", "evaluate_fold@lstm")
-    for stage in stages:
-        address = f"{stage}{'-' if '@' in stage else '@'}crossing"
-        assert config.declared(Path.cwd(), address, []) is not None
+@pytest.fixture(scope="module")
+def brought(made, tmp_path_factory):
+    """What stages write that bring the example as far as training."""
+    folder = tmp_path_factory.mktemp("brought")
+    shutil.copytree(made[0], folder, dirs_exist_ok=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setenv("PEDPRED_JOBS", "1")
+        bring(copy.deepcopy(made[1]), "crossing")
+    return folder / "data"
+
+
+@pytest.fixture
+def crossing(project, brought):
+    """The project, in which the example has been brought as far as training."""
+    shutil.copytree(brought, "data", dirs_exist_ok=True)
+    return project
+
+
+def test_it_has_stages_of_its_own(made):
+    """One of them as it reads its parameters; the others as DVC knows them, with keys that are there."""
+    folder, params = made[0], OmegaConf.create(made[1])
+    assert config.declared(folder, "features_real@crossing", []).places.crossing.tracker == "kalman"
+    with Repo(str(folder), uninitialized=True) as project:
+        known = load_file(project, str(folder / "dvc.yaml")).stages
+        for stage in ("ingest", "encode_real", "finetune@lstm", "evaluate_fold@lstm"):
+            for need in known[f"{stage}{'-' if '@' in stage else '@'}crossing"].deps:
+                for key in need.params if isinstance(need, ParamsDependency) else ():
+                    assert OmegaConf.select(params, key, throw_on_missing=True) is not None
 
 
 def test_a_place_whose_files_nobody_has_is_a_scene_without_people(project):
@@ -140,10 +172,10 @@ def test_a_place_whose_files_nobody_has_is_a_scene_without_people(project):
     assert not len(scene.trajectories)
 
 
-def test_it_flows_from_tracks_to_the_page(project, monkeypatch):
+def test_it_flows_from_tracks_to_the_page(crossing, monkeypatch):
     """Every picture is composed, but only those of the page are painted, which takes most of the time."""
     monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
-    bring(project, "crossing")
+    project = crossing
     run("train", project, name="lstm", phase="finetune", fold="trained")
     assert Path("models/folds/trained/lstm/weights.safetensors").exists()
     curve = pd.read_csv("reports/curves/real/finetune_trained_lstm.tsv", sep="\t")
@@ -171,16 +203,20 @@ def missing(project, place):
     bring(project, place)
 
 
-@pytest.mark.parametrize("train", [["real/eth"], ["real/eth", "real/crossing"]])
-def test_training_goes_without_a_missing_place(project, train):
-    missing(project, "eth")
-    bring(project, "crossing")
-    project["folds"]["real"] = {"other": {"train": ["real/crossing"]}, "fold": {"train": train}}
-    for fold in project["folds"]["real"]:
-        run("train", project, name="lstm", phase="finetune", fold=fold)
-    same = "main" if train == ["real/eth"] else "folds/other"
-    written = [Path("models", folder, "lstm/weights.safetensors") for folder in ("folds/fold", same)]
-    assert written[0].read_bytes() == written[1].read_bytes()
+def test_training_goes_without_a_missing_place(crossing):
+    missing(crossing, "eth")
+    trained = {"other": ["crossing"], "missing": ["eth"], "both": ["eth", "crossing"]}
+    crossing["folds"]["real"] = {
+        name: {"train": [f"real/{place}" for place in places]} for name, places in trained.items()
+    }
+    for fold in trained:
+        run("train", crossing, name="lstm", phase="finetune", fold=fold)
+    before, other, without, both = (
+        Path("models", folder, "lstm/weights.safetensors").read_bytes()
+        for folder in ("main", *(f"folds/{fold}" for fold in trained))
+    )
+    assert without == before
+    assert both == other != before
 
 
 @pytest.mark.usefixtures("unpainted")

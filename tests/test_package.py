@@ -24,10 +24,12 @@ for k in range(10):
     forecast = predictor.update(k / 10, [4, 7], [[0.13 * k, 0.0], [4.0 - 0.12 * k, 0.2]])
 assert forecast.position.shape == (2, 10, 2)
 """
-RANGES = """
+WITH_FILES = """
 from pedpred.driving.intentions import FORCES, published_forces
 from pedpred.driving.worlds import TRAINED_ON, ranges
 assert TRAINED_ON[0].exists() and ranges() and FORCES[0].exists() and published_forces()
+from pedpred.command import main
+main()
 """
 
 
@@ -66,8 +68,7 @@ def test_a_wheel_forecasts_in_an_empty_environment(tmp_path):
     assert "pip install 'pedpred[files]'" in done.stderr
     provide(empty, ["files"])
     run(*install, f"{wheel}[files]", cwd=tmp_path)
-    run(empty / "bin" / "python", "-I", "-c", RANGES, cwd=tmp_path)
-    run(*command, cwd=tmp_path)
+    run(empty / "bin" / "python", "-I", "-c", WITH_FILES, *command[1:], cwd=tmp_path)
     assert (tmp_path / "tracks_forecasts.mcap").read_bytes().startswith(b"\x89MCAP")
 
 

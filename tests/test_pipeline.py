@@ -11,12 +11,29 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tests.configuration import read
 from tests.trust.project import ROOT, SILENT, done, environment
 
 TARGET = "simulate@corridor"
 TRACKS = Path("data/scenes/simulated/corridor/corridor/tracks.parquet")
 ROWS, MIRRORS = Path("conf/simulations/rooms.yaml"), Path("conf/mirrors/ewap.yaml")
-FAMILIES = ("config", "fetch", "ingest", "simulate")
+FAMILIES = ("fetch", "ingest", "simulate")
+CONFIG = {
+    "cmd": "python -m pedpred.config --check --stamp data/config.checked",
+    "deps": ["conf", "params.yaml", "pedpred/config.py"],
+    "outs": [{"data/config.checked": {"cache": False}}],
+}
+"""What the first stage begins with; to make all settings takes 4 s longer, and `test_settings.py` does."""
+NEEDED = {"conf", "pedpred", "stages", "dvc.yaml", "params.yaml", ".dvc", ".dvcignore", ".gitignore", ".git"}
+BY_HAND = """
+import runpy
+import sys
+
+out, *numbers = sys.argv[1:]
+for people in numbers:
+    sys.argv[1:] = ["+name=corridor", f"simulations.corridor.pedestrians={people}", f"+out={out}/{people}"]
+    runpy.run_module("stages.simulate", run_name="__main__", alter_sys=True)
+"""
 SWEPT = "simulations.corridor.pedestrians"
 
 pytestmark = [pytest.mark.pipeline, pytest.mark.usefixtures("sweep")]
@@ -66,13 +83,17 @@ def mirror(tmp_path_factory):
 def reproduced(mirror, tmp_path_factory):
     """A committed copy of the working tree in which the corridor lasts a second, and what its run says.
 
-    It has the families of stages that run here; DVC reads all stages several times in every command.
+    It has the families of stages that run here, and their files; DVC reads all stages several times in every
+    command.
     """
     folder = tmp_path_factory.mktemp("pipeline") / "project"
     run(ROOT, ".ci/copy", str(folder))
-    (folder / "dvc.lock").unlink()
-    stages = yaml.safe_load((folder / "dvc.yaml").read_text())["stages"]
-    (folder / "dvc.yaml").write_text(yaml.safe_dump({"stages": {name: stages[name] for name in FAMILIES}}))
+    for path in folder.iterdir():
+        if path.name not in NEEDED:
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    stages = read("dvc.yaml")["stages"]
+    chosen = {"config": CONFIG} | {name: stages[name] for name in FAMILIES}
+    (folder / "dvc.yaml").write_text(yaml.safe_dump({"stages": chosen}))
     text = (folder / ROWS).read_text().replace("hours: 0.95", "hours: 0.0005")
     (folder / ROWS).write_text(text.replace("pedestrians: 10", "pedestrians: 3"))
     about = yaml.safe_load((folder / MIRRORS).read_text()) | {"folders": [str(mirror)], "archives": []}
@@ -93,12 +114,9 @@ def project(reproduced):
 @pytest.fixture(scope="module")
 def by_hand(project, tmp_path_factory):
     """Checksums of the tracks that a command without DVC simulates, by the number of people."""
-    out, written = tmp_path_factory.mktemp("by_hand"), {}
-    for people in (2, 4):
-        arguments = ["+name=corridor", f"{SWEPT}={people}", f"+out={out / str(people)}"]
-        run(project, sys.executable, "-m", "stages.simulate", *arguments)
-        written[people] = md5(out / str(people) / "corridor" / TRACKS.name)
-    return written
+    out = tmp_path_factory.mktemp("by_hand")
+    run(project, sys.executable, "-c", BY_HAND, str(out), "2", "4")
+    return {people: md5(out / str(people) / "corridor" / TRACKS.name) for people in (2, 4)}
 
 
 @pytest.fixture(scope="module")

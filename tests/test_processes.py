@@ -1,6 +1,7 @@
 """Training on several processes and devices: the same training as on one."""
 
 import dataclasses
+import multiprocessing
 import os
 import socket
 from itertools import islice
@@ -51,7 +52,10 @@ def test_two_processes_learn_what_one_does_with_all_lanes(tmp_path):
     alone = train(ALONE, tmp_path / "alone")
     together = tmp_path / "together"
     together.mkdir()
-    torch.multiprocessing.spawn(one_of_two, (free_port(), together), nprocs=2)
+    multiprocessing.set_forkserver_preload([__name__, "torch._dynamo"])  # imported once for both
+    torch.multiprocessing.start_processes(
+        one_of_two, (free_port(), together), nprocs=2, start_method="forkserver"
+    )
     curves = [torch.load(together / f"curve{rank}.pt") for rank in range(2)]
     assert curves[0][1:] == curves[1][1:]  # [0] has no loss yet, and nan equals nothing
     for mine, joint in zip(alone, curves[0], strict=True):

@@ -4,8 +4,10 @@ import copy
 import errno
 import math
 import re
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
@@ -14,7 +16,7 @@ from omegaconf import OmegaConf
 from pedpred.config import part
 from pedpred.errors import PedpredError
 from stages import evaluate, features, pretrain_autoencoder, train
-from stages.config import PARTS, check_layouts, check_parts, layout_names, main
+from stages.config import PARTS, STAMP, check_layouts, check_parts, layout_names, main
 from stages.simulate import read_layouts
 from tests.configuration import read
 from tests.conftest import ROOT
@@ -58,6 +60,19 @@ def nodes(value, path=()):
     inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     for key, own in inside:
         yield from nodes(own, (*path, key))
+
+
+def unlike(name):
+    """All values of a part with their paths; of shapes with the same fields in a drawn room, one's."""
+    seen = set()
+    for path, value in nodes(PARAMS[name]):
+        holders, at = [*path[:1]], PARAMS[name]
+        for key in path[:-1]:
+            at = at[key]
+            holders.append(key if name != "layouts" else tuple(at) if isinstance(at, dict) else "list")
+        if (like := (*holders, *path[-1:], type(value))) not in seen:
+            seen.add(like)
+            yield path, value
 
 
 def replaced(value, path, new):
@@ -104,7 +119,7 @@ def wrong_values(value):
 @pytest.mark.parametrize("name", CHECKS)
 def test_a_value_of_another_kind_is_refused_by_its_key(name):
     missed = []
-    for path, value in nodes(PARAMS[name]):
+    for path, value in unlike(name):
         for wrong in wrong_values(value):
             said = refused(name, path, wrong)
             if said is None or (worded((name, *path))[-1] not in said and str(wrong) not in said):
@@ -115,7 +130,7 @@ def test_a_value_of_another_kind_is_refused_by_its_key(name):
 @pytest.mark.parametrize("name", CHECKS)
 def test_a_number_is_in_its_range_or_refused_by_its_key(name):
     missed = []
-    for path, value in nodes(PARAMS[name]):
+    for path, value in unlike(name):
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             continue
         keys = worded((name, *path))[-2:]  # a rule about several fields names what holds them
@@ -239,6 +254,18 @@ def test_a_folder_that_is_read_only_is_named_without_a_traceback(monkeypatch):
     monkeypatch.setattr("pedpred.config.main", Mock(side_effect=refused))
     with pytest.raises(SystemExit, match=r"'data/config\.checked'\. Nothing half-written was kept"):
         main()
+
+
+def test_an_edit_under_conf_without_make_params_ends_the_stage(tmp_path, monkeypatch):
+    shutil.copytree(ROOT / "conf", tmp_path / "conf")
+    shutil.copy(ROOT / "params.yaml", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DVC_EXP_NAME", raising=False)
+    edited = Path("conf/simulations/rooms.yaml")
+    edited.write_text(edited.read_text().replace("pedestrians: 10", "pedestrians: 11"))
+    with pytest.raises(SystemExit, match=r"-    pedestrians: 10\n\+    pedestrians: 11(.|\n)*make params"):
+        main()
+    assert not Path(STAMP).exists()
 
 
 def test_a_study_may_be_left_out():

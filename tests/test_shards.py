@@ -11,16 +11,13 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from joblib import Parallel, delayed
 from PIL import Image
 
 from pedpred.datasets.rows import load_sequences
 from pedpred.errors import StorageError
 from pedpred.features import extract, extract_blocks
-from pedpred.features.perception import Perception
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.lstm.features.grids import unpack_crops
-from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.columns import read_columns, split_pairs, write_blocks, write_columns
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import (
@@ -33,15 +30,11 @@ from pedpred.storage.shards import (
     write_manifest,
     write_shard,
 )
-from pedpred.tracking import KalmanSettings
-from stages.features import features_into
 from tests.conftest import ROOT
 from tests.exported import LSTM_ROWS
 from tests.worlds import tracked, walled_scene
 
 SIZES = LSTM_ROWS.protocol, LSTM_ROWS.features
-FAULTS = SensorSettings(position_noise_m=0.05, drop_out_share=0.1, switch_share=0.1)
-HOW = Perception(KalmanSettings(0.1, 0.1), 0.2, FAULTS)
 
 
 def stored(table):
@@ -81,20 +74,6 @@ def test_round_trip_changes_nothing(folder, table):
 def test_writing_twice_gives_the_same_bytes(folder, tmp_path):
     write_shard(extract_blocks(*walled(), *SIZES, rows=350, phase_offsets=3), tmp_path / "again", "walled")
     assert (tmp_path / "again/walled.parquet").read_bytes() == (folder / "walled.parquet").read_bytes()
-
-
-def test_the_number_of_workers_changes_no_byte(tmp_path):
-    for seed in range(3):
-        scene, _ = walled(seed, detections=12)
-        write_scene(dataclasses.replace(scene, name=f"room{seed}"), tmp_path / f"scenes/room{seed}")
-    for workers in (1, 2):
-        Parallel(n_jobs=workers)(
-            delayed(features_into)(tmp_path / str(workers), folder, "", HOW, LSTM_ROWS, 3)
-            for folder in (tmp_path / "scenes").iterdir()
-        )
-    one, two = ({p.name: p.read_bytes() for p in (tmp_path / n).iterdir()} for n in ("1", "2"))
-    assert len(one) == 3
-    assert one == two
 
 
 def test_a_row_group_holds_whole_tracks(folder, table):

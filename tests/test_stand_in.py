@@ -58,13 +58,18 @@ def test_the_option_adds_a_place_that_is_tested_and_never_trained_on():
         assert f"real/{name}" not in fold["train"] + fold["test"]
 
 
+NEEDED = ("_self_", "places:", "folds:", "recording:", "stand_in:", "override")
 WALK = b"0 1 2.0 3.0\n"
 
 
 @pytest.fixture
 def project(tmp_path, monkeypatch):
-    """A folder with the configuration and a data set for each of two places; none of them is to be had."""
+    """A folder with places, folds and the stand-in of the configuration, and a data set for each of two
+    places; none of them is to be had."""
     shutil.copytree(ROOT / "conf", tmp_path / "conf")
+    lines = (ROOT / "conf/config.yaml").read_text().splitlines(keepends=True)
+    kept = [line for line in lines if not line.startswith("  - ") or line.split()[1].startswith(NEEDED)]
+    (tmp_path / "conf/config.yaml").write_text("".join(kept))
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("PEDPRED_MIRROR", raising=False)
     about = {"archives": [], "timeout_s": 1.0, "optional": []}

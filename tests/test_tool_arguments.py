@@ -3,7 +3,7 @@
 import argparse
 import ast
 import importlib
-import subprocess
+import runpy
 import sys
 
 import pytest
@@ -15,9 +15,14 @@ WITHOUT = ("tools.branches", "tools.mend_lock", "tools.prose", "benchmarks.besid
 PARSES = ("ArgumentParser(", "no_arguments(", "sys.argv")
 
 
-def called(module, *arguments):
-    command = [sys.executable, "-m", module, *arguments]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=60)
+def ended(monkeypatch, module, *arguments):
+    """How a command ends that is run as a program, which raises SystemExit."""
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr("sys.argv", [module, *arguments])
+    monkeypatch.delitem(sys.modules, module, raising=False)
+    with pytest.raises(SystemExit) as exit_of:
+        runpy.run_module(module, run_name="__main__")
+    return exit_of.value.code
 
 
 def test_every_command_looks_at_its_arguments():
@@ -28,16 +33,16 @@ def test_every_command_looks_at_its_arguments():
 
 
 @pytest.mark.parametrize("module", WITHOUT)
-def test_a_command_without_arguments_does_nothing_when_asked_for_help(module):
-    done = called(module, "--help")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith(f"usage: python -m {module} [-h]\n")
+def test_a_command_without_arguments_does_nothing_when_asked_for_help(module, monkeypatch, capsys):
+    assert ended(monkeypatch, module, "--help") == 0
+    said = capsys.readouterr()
+    assert said.err == ""
+    assert said.out.startswith(f"usage: python -m {module} [-h]\n")
 
 
-def test_an_argument_that_is_not_known_is_named_before_any_work():
-    done = called("tools.branches", "--jobs", "2")
-    assert done.returncode == 2
-    assert "unrecognized arguments: --jobs 2" in done.stderr
+def test_an_argument_that_is_not_known_is_named_before_any_work(monkeypatch, capsys):
+    assert ended(monkeypatch, "tools.branches", "--jobs", "2") == 2
+    assert "unrecognized arguments: --jobs 2" in capsys.readouterr().err
 
 
 OF_A_PROJECT = [
@@ -50,10 +55,10 @@ OF_A_PROJECT = [
 def test_where_no_project_is_a_tool_says_so_once(command, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.argv", list(command))
-    with pytest.raises(SystemExit) as ended:
+    with pytest.raises(SystemExit) as exit_of:
         importlib.import_module(f"tools.{command[0]}").main()
-    assert str(ended.value).lower().count("run this in the project's folder") == 1
-    assert str(ended.value).count("Error: ") == 1
+    assert str(exit_of.value).lower().count("run this in the project's folder") == 1
+    assert str(exit_of.value).count("Error: ") == 1
     assert list(tmp_path.iterdir()) == []
 
 

@@ -2,131 +2,26 @@
 
 import logging
 import os
-import sys
 
-import numpy as np
 import pytest
 
-import pedpred
 from pedpred.command import main
-from pedpred.evaluation import EvaluationSettings
-from pedpred.online import OnlinePredictor, OnlineSettings, shipped
-from pedpred.online.assessment import assess
-from pedpred.online.replay import replay_scene
-from pedpred.ros.assignment import NearestTracks
-from pedpred.ros.turned_maps import turned_map
-from pedpred.scenes import OccupancyMap, Scene, Trajectories, predicted_occupancy
+from pedpred.online import shipped
 from tests.conftest import ROOT
 from tests.forked import run_forked
 
 
-def specialisations():
-    """Which types of arguments every loop in this process is compiled for."""
-    modules = [module for name, module in sys.modules.items() if name.startswith("pedpred")]
-    loops = [(v.py_func.__qualname__, v) for m in modules for v in vars(m).values() if hasattr(v, "py_func")]
-    return {(m.py_func.__module__, name, str(types)) for name, m in loops for types in m.signatures}
-
-
-def walkers(count, frames, seed, gap_m=1.0, speed_mps=1.2):
-    """People who walk towards each other, with noise. [frames, count, 2]."""
-    rng = np.random.default_rng(seed)
-    side = np.where(np.arange(count) % 2, 1.0, -1.0)
-    start = np.stack([4.0 * side, gap_m * np.arange(count)], axis=-1)
-    velocity = np.stack([-side * speed_mps, np.zeros(count)], axis=-1)
-    time_s = 0.1 * np.arange(frames)[:, None, None]
-    return start + time_s * velocity + rng.normal(0.0, 0.02, (frames, count, 2))
-
-
-def maps():
-    cells = np.zeros((60, 80), bool)
-    cells[20:30] = True
-    locked = cells.copy()
-    locked.flags.writeable = False
-    numbers = cells.astype(np.uint8)
-    for own in (cells, cells.T, cells[::2, ::3], np.asfortranarray(cells), locked, numbers, ~cells):
-        yield OccupancyMap(own, np.array([-3.0, -4.0]), 0.1)
-
-
-def stream(model, settings=None):
-    """A varied stream of updates."""
-    predictor, now = OnlinePredictor.load(model, settings), 0.0
-
-    def frames(positions, ids=None, velocity=None, dt_s=0.1):
-        nonlocal now
-        for there in positions:
-            now += dt_s
-            who = np.arange(len(there)) if ids is None else ids
-            predictor.update(now, who, there, velocity)
-
-    frames(walkers(1, 45, 0))
-    frames(walkers(2, 45, 1))
-    frames(walkers(0, 3, 1))
-    frames(walkers(6, 40, 2, gap_m=0.3))
-    frames(walkers(3, 45, 3, speed_mps=0.0))
-    for own in maps():
-        predictor.set_map(own)
-        frames(walkers(4, 4, 4))
-    predictor.reset()
-    frames(walkers(3, 40, 5), velocity=np.ones((3, 2)))
-    now += 10.0
-    frames(walkers(2, 40, 6), ids=[2**40, -7])
-    frames(walkers(1, 40, 7), ids=[-7])
-    frames(walkers(20, 30, 8, gap_m=0.5), dt_s=0.33)
-    frames([(5.0 * k * np.ones((2, 2))).tolist() for k in range(10)], ids=[1, 2])
-    frames([np.asfortranarray(there.astype(np.float32)) for there in walkers(3, 10, 9)])
-
-
-def recording():
-    frames, count = 60, 4
-    place = walkers(count, frames, 10)
-    frame, person = np.divmod(np.arange(frames * count), count)
-    trajectories = Trajectories(0.1 * frame, person, place[frame, person])
-    return Scene("recording", trajectories, next(maps()), 0.1)
-
-
-def law(*models):
-    """Run in a process of its own: the command `pedpred warm-up`, then everything."""
-    main(["warm-up"])
-    known = specialisations()
-    once = [(module, name) for module, name, _ in known if name != "_walk"]  # constants of its calls make two
-    assert len(once) == len(set(once)) > 15
-    stream(None, OnlineSettings(detection_noise_m=0.05, learn_trust=True))
-    for model in (None, *models):
-        stream(model)
-        predictor = OnlinePredictor.load(model)
-        list(replay_scene(recording(), predictor))
-        assess(recording(), predictor, EvaluationSettings(bootstrap=2))
-    turned_map(next(maps()).occupied, np.zeros(2), 0.1, np.float64(0.3))
-    assert specialisations() == known, specialisations() - known
-
-
 def test_after_it_nothing_is_compiled(model, mixture):
     """With the default model and with one of each kind; no loop gets further types, even if they are kept."""
-    script = f"from tests.test_warm_up import law\nlaw({str(model[0])!r}, {str(mixture[0])!r})"
+    script = f"from tests.warming import law\nlaw({str(model[0])!r}, {str(mixture[0])!r})"
     done = run_forked(script, ROOT, os.environ)
     assert done.returncode == 0, done.stderr[-3000:]
-
-
-def law_of_updates(model):
-    """Run in a process of its own: `warm_up` with a model, then what a robot does with it."""
-    pedpred.warm_up(model)
-    known = specialisations()
-    stream(model)
-    stream(model, OnlineSettings(learn_trust=True))
-    tracks = NearestTracks()
-    for k in range(3):
-        tracks.assign(0.1 * k, np.array([[0.1 * k, 0.0], [2.0, 1.0]])[: k + 1])
-    predictor = OnlinePredictor.load(model)
-    for k in range(10):
-        forecast = predictor.update(0.1 * k, [1, 2], [[0.1 * k, 0.0], [2.0, 1.0]])
-    predicted_occupancy(forecast.predictions, OccupancyMap.free_around(np.zeros((1, 2)), cell_m=0.2))
-    assert specialisations() == known, specialisations() - known
 
 
 @pytest.mark.parametrize("kind", ["model", "mixture"])
 def test_after_warm_up_with_a_model_no_update_compiles(kind, request):
     folder = request.getfixturevalue(kind)[0]
-    script = f"from tests.test_warm_up import law_of_updates\nlaw_of_updates({str(folder)!r})"
+    script = f"from tests.warming import law_of_updates\nlaw_of_updates({str(folder)!r})"
     done = run_forked(script, ROOT, os.environ)
     assert done.returncode == 0, done.stderr[-3000:]
 

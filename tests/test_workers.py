@@ -1,5 +1,6 @@
 """Wherever the work is done, the results are the same bytes."""
 
+import dataclasses
 import hashlib
 import inspect
 import pickle
@@ -8,15 +9,26 @@ from collections import Counter
 from pathlib import Path
 
 import dask
+import numpy as np
 import pytest
 from distributed import LocalCluster
 from joblib import parallel_config
 
 from pedpred import errors
 from pedpred.driving.episodes import DriveSettings
+from pedpred.features.perception import Perception
+from pedpred.simulation.sensor import SensorSettings
+from pedpred.storage.scenes import write_scene
+from pedpred.tracking import KalmanSettings
 from pedpred.workers import in_parallel
+from stages.features import features_into
 from stages.simulate import simulate_into
+from tests.exported import LSTM_ROWS
 from tests.simulated import SETTINGS, short
+from tests.worlds import walled_scene
+
+FAULTS = SensorSettings(position_noise_m=0.05, drop_out_share=0.1, switch_share=0.1)
+HOW = Perception(KalmanSettings(0.1, 0.1), 0.2, FAULTS)
 
 
 def contents(folder):
@@ -40,6 +52,23 @@ def test_two_processes_give_the_same_bytes(alone, tmp_path, monkeypatch):
     monkeypatch.setenv("PEDPRED_JOBS", "2")
     assert len(alone) == 12  # three scenes of four files
     assert simulated_into(tmp_path) == alone
+
+
+def features_with(jobs, scenes, out, monkeypatch):
+    monkeypatch.setenv("PEDPRED_JOBS", jobs)
+    tasks = [(out, scene, "", HOW, LSTM_ROWS, 3) for scene in sorted(scenes.iterdir())]
+    in_parallel(features_into, tasks, "features", "room")
+    return contents(out)
+
+
+def test_features_are_the_same_bytes_too(tmp_path, monkeypatch):
+    """Through a sensor with faults, whose noise is drawn."""
+    for seed in range(3):
+        scene = walled_scene(np.random.default_rng(seed), detections=12)
+        write_scene(dataclasses.replace(scene, name=f"room{seed}"), tmp_path / f"scenes/room{seed}")
+    one, two = (features_with(n, tmp_path / "scenes", tmp_path / n, monkeypatch) for n in ("1", "2"))
+    assert len(one) == 3
+    assert one == two
 
 
 def test_results_come_in_the_order_of_the_tasks(monkeypatch):
@@ -87,7 +116,7 @@ def test_a_number_of_jobs_that_is_none_is_named(jobs, monkeypatch):
 def test_a_cluster_that_does_not_answer_is_named(address, monkeypatch):
     monkeypatch.setenv("PEDPRED_BACKEND", "dask")
     monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", address)
-    quick = {"scheduler-address": address, "distributed.comm.timeouts.connect": "1s"}
+    quick = {"scheduler-address": address, "distributed.comm.timeouts.connect": "100ms"}
     said = f"{address}.*no scheduler answers"
     with (
         dask.config.set(quick),

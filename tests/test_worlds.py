@@ -133,11 +133,11 @@ def test_lone_people_halt_as_often_and_as_long_as_their_ranges_say():
     assert np.mean(slow) == pytest.approx(0.1 * 5.0 / (1 + 0.1 * 5.0), abs=0.05)
 
 
-def test_a_map_with_closed_openings_shows_less_and_people_pass_them():
+def test_a_map_with_closed_openings_shows_less_and_people_pass_them(worlds):
     settings = replace(OPEN, room=replace(OPEN.room, closed_share=1.0, closed_m=(2.0, 2.0)))
     passed = 0
     for seed in SEEDS:
-        truth, coarse = (simulate_world("room", seed, own) for own in (SETTINGS, settings))
+        truth, coarse = worlds["room", seed], simulate_world("room", seed, settings)
         assert coarse.occupancy.occupied[truth.occupancy.occupied].all()
         passed += coarse.occupancy.is_occupied(coarse.trajectories.position).sum()
     assert passed > 10

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 from dvc.repo import Repo
+from dvc.scm import SCMError
 from tqdm import tqdm
 
 from pedpred.config import composed, config_errors, plain, read_params
@@ -71,8 +72,15 @@ def leave_queue(names: Collection[str]) -> None:
     """End what an interrupted call left in the queue: under the same name, it may have had other settings.
 
     Stages that have ended come from DVC's cache.
+
+    Raises:
+        SystemExit: there is no git repository, without which DVC has no queue.
     """
-    with Repo() as project:
+    try:
+        opened = Repo()
+    except SCMError as error:
+        raise SystemExit(str(error)) from error
+    with opened as project:
         queue = project.experiments.celery_queue
         queue.clear(failed=True)
         for status, command in (("Queued", "remove"), ("Running", "kill")):

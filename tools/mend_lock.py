@@ -36,7 +36,7 @@ def is_whole(lock: Path) -> bool:
     """Return whether a lock file exists, ends with a whole line and matches DVC's schema."""
     try:
         text = lock.read_bytes().decode()
-        validate(yaml.safe_load(text), COMPILED_LOCKFILE_SCHEMA)
+        validate(yaml.load(text, yaml.CSafeLoader), COMPILED_LOCKFILE_SCHEMA)
     except (FileNotFoundError, UnicodeDecodeError, yaml.YAMLError, YAMLValidationError):
         return False
     return text.endswith("\n")
