@@ -207,14 +207,14 @@ def test_a_map_that_is_none_is_refused_and_the_one_before_stays(odd, yaw_rad):
 @pytest.mark.parametrize("identities", ["given", "assigned"])
 def test_of_too_many_people_those_who_came_first_are_forecast_and_others_counted(identities, caplog):
     follower = follower_of(identities=identities, most_people=3)
-    for k, count in enumerate((2, 1000, 1000)):
+    for k, count in enumerate((2, 5000, 5000)):
         walk = [{"name": str(n), "position": {"x": 5.0 * n, "y": k / 10}} for n in range(count)]
         raw = serialize(PEOPLE, {"header": header(10**9 + k * 10**8), "people": walk})
         rows = rows_of(answered(follower, raw)["predictions"])
         first = int(identities == "assigned")
         assert np.unique(rows["track_id"]).tolist() == [*range(first, first + min(count, 3))]
-    assert "997 of 1000 people at 1.1 s left out, since most_people is 3" in caplog.text
-    assert told_values(follower, Latencies())["left out: people without a forecast"] == 2 * 997
+    assert "4997 of 5000 people at 1.1 s left out, since most_people is 3" in caplog.text
+    assert told_values(follower, Latencies())["left out: people without a forecast"] == 2 * 4997
 
 
 def test_when_forecasts_take_too_long_late_messages_are_left_out_until_the_rest_is_in_time(caplog):

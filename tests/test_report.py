@@ -544,6 +544,7 @@ def test_crops_are_chosen_at_even_ranks_of_occupied_share():
     scenes = {"hall": windows_with(np.zeros((101, 2)), np.zeros((101, 0, 2)), {}, packed_grid=packed)}
     assert choose_evenly(scenes, 4).sum(axis=(1, 2)).tolist() == [72, 105, 138, 171]
     assert len(choose_evenly(scenes, 999)) == 100
+    assert len(choose_evenly({}, 4)) == 0
 
 
 def test_each_crop_is_reconstructed_by_itself():

@@ -48,10 +48,12 @@ def reconstructions_section(
 def choose_evenly(scenes: Mapping[str, EvaluationWindows], count: int) -> np.ndarray:
     """Choose crops with enough obstacles at evenly spaced ranks of occupied share: [<= count, G, G] bool."""
     windows = [scenes[name] for name in sorted(scenes)]
+    if not windows:
+        return np.zeros((0, 0, 0), bool)
     rows = [(scene, row) for scene in windows for row in range(len(scene))]
     occupied = np.concatenate([np.bitwise_count(scene.packed_grid).sum(axis=1) for scene in windows])
     order = np.argsort(occupied, kind="stable")
-    order = order[occupied[order] >= LEAST_SHARE * 8 * windows[0].packed_grid.shape[1]] if windows else order
+    order = order[occupied[order] >= LEAST_SHARE * 8 * windows[0].packed_grid.shape[1]]
     if not len(order):
         return np.zeros((0, 0, 0), bool)
     ranks = np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))
