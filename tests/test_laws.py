@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.online import laws
+from pedpred.online import laws, trials
 from pedpred.online.trials import RATES_HZ, Move, crowded
 from tests.conftest import ROOT
 
@@ -50,6 +50,14 @@ def test_straight_walkers_go_on_for_minutes():
     shares = walked["share"][walked["age_s"] >= 2.5]
     assert walked["age_s"].max() > 290.0
     assert laws.STRAIGHT[0] <= shares.min() <= shares.max() <= laws.STRAIGHT[1]
+
+
+@pytest.mark.parametrize("rate_hz", [2.5, 10.0])
+def test_runners_go_on_as_walkers_do(rate_hz, monkeypatch):
+    monkeypatch.setattr(trials, "SPEEDS_MPS", (2.5, 5.0))
+    walked = laws.straight_shares(SHIPPED, np.random.default_rng(0), rate_hz, seconds=15.0, people=8)
+    assert walked["speed_mps"].max() == pytest.approx(5.0)
+    assert laws.STRAIGHT[0] <= walked["share"].min() <= walked["share"].max() <= laws.STRAIGHT[1]
 
 
 @settings(max_examples=10, deadline=None, derandomize=True)
