@@ -102,6 +102,7 @@ def test_who_reads_a_page_while_a_benchmark_writes_it_sees_a_whole_one(benchmark
 
 BEGINS = {
     "bias": "recordings",
+    "corridors": "mean_reach",
     "curves": "walkers",
     "driving": "in_parallel",
     "driving_curves": "driven_in",
@@ -114,6 +115,7 @@ BEGINS = {
 
 CHANGES = {
     "bias": ["--model", "models/online/small"],
+    "corridors": ["--people", "3"],
     "curves": ["--people", "3"],
     "driving": ["--episodes", "5"],
     "driving_curves": ["people_drives.csv"],
