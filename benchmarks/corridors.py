@@ -20,8 +20,8 @@ from pedpred.scenes import OccupancyMap
 from tools.arguments import count
 
 WIDTHS_M, SPEEDS_MPS = (0.9, 1.0, 1.2, 1.5, 2.0, 3.0), (0.9, 1.2, 1.5)
-BESIDE_M, INSIDE_M = 0.25, -0.25
-"""From the wall: as near as people walk, and inside."""
+FROM_WALL_M = 0.25
+"""As near to a wall as people walk, and as far inside of it."""
 _RATE_HZ, _NOISE_M, _FRAMES = 10.0, 0.02, 60
 _LENGTH_M, _WALL_M, _CELL_M = 50.0, 0.6, 0.05
 
@@ -68,8 +68,8 @@ def main() -> None:
     pages.check_command(parser, options, "benchmarks.corridors")
     rows = []
     for width_m in WIDTHS_M:
-        aside = {"in the middle": 0.0, f"{BESIDE_M} m from a wall": width_m / 2 - BESIDE_M}
-        aside[f"{-INSIDE_M} m inside a wall"] = width_m / 2 - INSIDE_M
+        aside = {"in the middle": 0.0, f"{FROM_WALL_M} m from a wall": width_m / 2 - FROM_WALL_M}
+        aside[f"{FROM_WALL_M} m inside a wall"] = width_m / 2 + FROM_WALL_M
         shares = {name: mean_reach(options.model, width_m, at, options.people) for name, at in aside.items()}
         rows.append({"width, m": f"{width_m:g}"} | shares)
     tell("forecast way / way of the walker", rows)
