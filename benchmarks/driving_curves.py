@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.pages import check_command, put
 from benchmarks.timing import tell
-from pedpred.driving.figures import Episodes
+from pedpred.driving.figures import Episodes, share_interval
 from pedpred.driving.forecasters import TRUTH
 from pedpred.driving.table import Condition, Row, read_table
 from pedpred.errors import FileError, user_errors
@@ -44,7 +44,7 @@ def curve_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
             cell = ""
             if condition in each.value["faults"]:
                 fault, time_s = each.at_fault(condition), each.value["time_s"][condition]
-                low, high = (100 * end for end in each.draw.interval(fault))
+                low, high = (100 * end for end in share_interval(fault))
                 cell = f"{100 * fault.mean():.1f} ({low:.1f}-{high:.1f}); {time_s.mean():.1f}"
             row[f"{name} ({len(each.number)} episodes)"] = cell
         yield row
