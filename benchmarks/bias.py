@@ -24,7 +24,7 @@ from pedpred.evaluation.scores import integrate_truth
 from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features.perception import Perception
 from pedpred.online import OnlinePredictor
-from pedpred.online.batch import predictions_in_blocks
+from pedpred.online.assessment import forecasts_by_instants
 from pedpred.online.settings import OnlineSettings
 from pedpred.scenes import OccupancyMap, Scene
 from tools.arguments import positive
@@ -45,7 +45,7 @@ def ahead_m(scene: Scene, model: Path | None) -> dict[str, np.ndarray]:
     asked = request.asked
     heading = np.stack([np.cos(asked.heading_rad), np.sin(asked.heading_rad)], axis=-1)
     network = np.empty((len(asked.time_s), 2))
-    for which, forecast in predictions_in_blocks(predictor, request, f"forecast {scene.name}"):
+    for which, forecast in forecasts_by_instants(predictor, request, scene):
         network[which] = forecast.mean[:, -1]
     ends = {"truth": integrate_truth(asked, sizes.dt_s)[:, -1], "network": network}
     ends["cv"] = PRESENT_MOTION["cv"]()(request).mean[:, -1]
