@@ -29,7 +29,7 @@ from pedpred.tables.classes import PERSON_CLASSES
 from pedpred.tables.lines import titles_in
 from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
-from pedpred.tables.pictures import PictureOptions, read_homography
+from pedpred.tables.pictures import read_homography
 
 _OPEN_END_M = 6.0
 """Length of corridors beyond open ends of geometries, m."""
@@ -108,7 +108,7 @@ def read_given(arguments: argparse.Namespace, names: TrackNames | None = None) -
     return scene
 
 
-def _options(arguments: argparse.Namespace) -> PictureOptions:
+def _options(arguments: argparse.Namespace) -> TableOptions:
     """What the arguments say about a file of tracks.
 
     Raises:
@@ -117,7 +117,7 @@ def _options(arguments: argparse.Namespace) -> PictureOptions:
     columns = None if arguments.columns is None else tuple(titles_in(arguments.columns))
     classes = tuple(arguments.classes or ())
     with _with_options_for_fields():
-        options = PictureOptions(columns, arguments.rate, arguments.unit, arguments.scale, classes=classes)
+        options = TableOptions(columns, arguments.rate, arguments.unit, arguments.scale, classes=classes)
     if arguments.homography is None:
         return options
     if not _is_tracks(arguments.scene) or not format_of(arguments.scene, options).pixels:

@@ -31,7 +31,6 @@ from pedpred.sources.walls import Walls, occupancy_of
 from pedpred.tables.columnar import is_columnar
 from pedpred.tables.lines import has_header
 from pedpred.tables.options import TableOptions
-from pedpred.tables.pictures import is_of_pixels
 from pedpred.tables.placeholders import without_placeholders
 from pedpred.tables.reading import read_table
 from pedpred.tables.titles import naming
@@ -79,23 +78,20 @@ def read_file(path: Path, options: TableOptions | None = None, with_walls: bool 
     """
     options = options or TableOptions()
     kind = format_of(path, options)
-    if options.unit is not None and kind.unit is not None:
-        raise ValueRuleError("--unit", options.unit, f"{path} is {kind.name}, whose unit is known")
-    if options.pixel_m is not None and not kind.pixels:
-        raise ValueRuleError(
-            "--scale", options.pixel_m, f"{path} is {kind.name}, whose positions are not pixels"
-        )
-    if options.classes and kind is not _TABLE:
-        raise ValueRuleError(
-            "--class", options.classes, f"{path} is {kind.name}, without classes to choose from"
-        )
-    if options.columns is not None and kind is not _TABLE:
-        raise ValueRuleError("--columns", options.columns, f"{path} is {kind.name}, whose columns are known")
+    meant: dict[str, tuple[object, bool, str]] = {
+        "--unit": (options.unit, kind.unit is None, "whose unit is known"),
+        "--scale": (options.pixel_m, kind.pixels, "whose positions are not pixels"),
+        "--class": (options.classes or None, kind is _TABLE, "without classes to choose from"),
+        "--columns": (options.columns, kind is _TABLE, "whose columns are known"),
+    }
+    for name, (value, has_meaning, why) in meant.items():
+        if value is not None and not has_meaning:
+            raise ValueRuleError(name, value, f"{path} is {kind.name}, {why}")
     content = kind.read(path, options)
     people, walls_in = content if isinstance(content, tuple) else (content, partial(kind.walls, path))
     trajectories = without_placeholders(path, people)
     titled = kind is _TABLE and options.columns is None
-    unit = PIXELS if is_of_pixels(options) else kind.unit
+    unit = PIXELS if options.are_pixels else kind.unit
     dt_s = checked_interval_s(path, trajectories, titled, options, unit)
     walls = walls_in() if with_walls else None
     if walls is None:

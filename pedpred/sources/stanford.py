@@ -39,8 +39,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
 
     Args:
         path: the file.
-        options: `pixel_m`, or the homography of `PictureOptions`, is needed; `rate_hz` is 30 unless it is
-            given.
+        options: `pixel_m` or `homography` is needed; `rate_hz` is 30 unless it is given.
 
     Raises:
         SourceError: the size of a pixel is unknown, a line is wrong, there is no pedestrian, or the

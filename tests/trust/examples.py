@@ -44,7 +44,7 @@ from pedpred.storage.situations import (
     write_situations_manifest,
 )
 from pedpred.tables.options import TableOptions
-from pedpred.tables.pictures import PictureOptions, read_homography
+from pedpred.tables.pictures import read_homography
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.field_formats import BINARY, PIXEL_M, RATE_HZ, ROWS, WRITERS
 from tests.forecasts import windows_with
@@ -175,7 +175,7 @@ def make_inclined(folder: Path) -> None:
 
 
 def read_inclined(folder: Path) -> object:
-    return read_file(folder / "annotations.txt", PictureOptions(homography=read_homography(folder / "H.txt")))
+    return read_file(folder / "annotations.txt", TableOptions(homography=read_homography(folder / "H.txt")))
 
 
 def read_field_texts(folder: Path) -> object:
