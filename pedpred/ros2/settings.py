@@ -25,8 +25,9 @@ _RANGES = {
     "detection_noise_m": "[0, 10]",
     "occupancy_cell_m": "[0, 100]",
     "most_people": "[1, 100000]",
+    "max_age_s": "[0, 60]",
+    "floor_m": "[0, 1000]",
 }
-_RANGES |= {"max_age_s": "[0, 60]", "floor_m": "[0, 1000]"}
 
 
 def _told(default: Any, text: str, live: bool = False) -> Any:
