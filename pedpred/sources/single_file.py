@@ -24,6 +24,7 @@ from pedpred.sources import (
     viswalk,
 )
 from pedpred.sources.beginnings import Beginning
+from pedpred.sources.geometries import CELL_M, WALL_M
 from pedpred.sources.plausibility import check_degrees, check_speeds, check_titles, doubt_fractions
 from pedpred.sources.times import check_brief, check_clock, check_digits, doubt_whole_seconds
 from pedpred.sources.untitled import read_untitled
@@ -35,9 +36,6 @@ from pedpred.tables.placeholders import without_placeholders
 from pedpred.tables.reading import read_table
 from pedpred.tables.titles import naming
 from pedpred.tables.units import PIXELS
-
-CELL_M, WALL_M = 0.05, 3.0
-"""Of maps made from geometries, m: side of a cell, thickness of walls."""
 
 _NOBODY = "no detections: no row is left that says when somebody is where"
 

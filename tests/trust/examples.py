@@ -127,7 +127,7 @@ def make_geometries(folder: Path) -> None:
 
 
 def read_geometries(folder: Path) -> object:
-    return [read_ground(folder / name, read_walls(folder / name), 0.1, 1.0) for name in GEOMETRIES]
+    return [read_ground(folder / name, read_walls(folder / name)) for name in GEOMETRIES]
 
 
 def make_table(folder: Path) -> None:
