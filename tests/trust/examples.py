@@ -333,7 +333,7 @@ def read_archive(folder: Path) -> None:
     """Fetch from the archives, one of which is damaged; nothing but the right files may come of it."""
     target = folder / "raw" / "ewap"
     shutil.rmtree(target.parent, ignore_errors=True)
-    sums = {name: hashlib.sha256(content).hexdigest() for name, content in ARCHIVED.items()}
+    sums = tuple(f"{hashlib.sha256(content).hexdigest()}  {name}" for name, content in ARCHIVED.items())
     archives = tuple(str(folder / f"mirror.{kind}") for kind in ("tar", "tgz"))
     mirrors.fetch(mirrors.Mirrors("ewap", (), archives, 1.0, sums), target)
 
