@@ -20,6 +20,7 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.plausibility import check_places, ids_come_first
+from pedpred.storage.tracks import tracks_of
 from pedpred.tables.clocks import set_time
 from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import is_time
@@ -107,8 +108,7 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     shown = ", ".join(order if ids_first else order[::-1])
     _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit or "m", clock_is)
     with translate_errors(partial(SourceError, path, None, remedy=OWN_VALUES)):
-        position = np.stack([columns[name] for name in LENGTHS], axis=-1)
-        people = Trajectories(columns["time_s"], columns["track_id"], position)
+        people = tracks_of(columns, path)
     check_places(path, people, _REMEDY)
     return people
 
