@@ -15,7 +15,6 @@ from pedpred.tables import quotes
 from pedpred.tables.missing import MISSING
 from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
-from pedpred.tables.pictures import PictureOptions
 from tests.scenes import assert_same
 
 STEP_S, COUNT = 0.25, 24
@@ -38,7 +37,7 @@ def write(folder, rows, header=TITLES, separator=",", name="walk.csv"):
 
 
 def tracks(path, **options):
-    return read_file(path, PictureOptions(**options)).trajectories
+    return read_file(path, TableOptions(**options)).trajectories
 
 
 @pytest.fixture(scope="module")

@@ -91,7 +91,7 @@ def law(*models):
         predictor = OnlinePredictor.load(model)
         list(replay_scene(recording(), predictor))
         assess(recording(), predictor, EvaluationSettings(bootstrap=2))
-    turned_map(next(maps()).occupied, np.zeros(2), 0.1, np.float64(0.3))
+    turned_map(OccupancyMap(next(maps()).occupied, np.zeros(2), 0.1), np.float64(0.3))
     assert specialisations() == known, specialisations() - known
 
 

@@ -6,10 +6,11 @@ import argparse
 import logging
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from mcap.writer import MCAP0_MAGIC
@@ -23,16 +24,14 @@ from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometries import is_geometry, read_ground, read_walls
 from pedpred.sources.plausibility import check_speeds
 from pedpred.sources.scene_folder import read_own
-from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
+from pedpred.sources.single_file import format_of, read_file
 from pedpred.storage.scenes import write_scene
 from pedpred.tables.classes import PERSON_CLASSES
 from pedpred.tables.lines import titles_in
 from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
-from pedpred.tables.pictures import PictureOptions, read_homography
+from pedpred.tables.pictures import read_homography
 
-_OPEN_END_M = 6.0
-"""Length of corridors beyond open ends of geometries, m."""
 _MAP_BESIDE, _MOST_OUTSIDE = "map.yaml", 0.5
 
 _FOR_FILES = {"--unit": "unit", "--scale": "pixel_m", "--rate": "rate_hz", "--columns": "columns"}
@@ -52,7 +51,7 @@ def info(arguments: argparse.Namespace) -> None:
     width, height = occupancy.extent_m
     lines = {
         "name": scene.name,
-        "read as": _kind(arguments),
+        "read as": _read_as(arguments),
         "detections": f"{len(trajectories)} of {tracks} tracks, {instants} instants",
         "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:.3g} s between two detections",
         "map": f"{width:.1f} m x {height:.1f} m, cells of {occupancy.resolution_m:g} m, "
@@ -71,7 +70,7 @@ def convert(arguments: argparse.Namespace) -> None:
             "output", str(arguments.output), "a name ends in .mcap, or has no dot, as that of a scene folder"
         )
     scene = read_given(arguments)
-    if _is_tracks(arguments.scene):
+    if _kind_of(arguments.scene) == "tracks":
         scene = replace(scene, name=arguments.output.stem)
     _log.info("%s: %s", scene.name, placement(scene.trajectories.position, scene.occupancy))
     if arguments.output.suffix == ".mcap":
@@ -108,7 +107,7 @@ def read_given(arguments: argparse.Namespace, names: TrackNames | None = None) -
     return scene
 
 
-def _options(arguments: argparse.Namespace) -> PictureOptions:
+def _options(arguments: argparse.Namespace) -> TableOptions:
     """What the arguments say about a file of tracks.
 
     Raises:
@@ -116,60 +115,63 @@ def _options(arguments: argparse.Namespace) -> PictureOptions:
     """
     columns = None if arguments.columns is None else tuple(titles_in(arguments.columns))
     classes = tuple(arguments.classes or ())
-    with _with_options_for_fields():
-        options = PictureOptions(columns, arguments.rate, arguments.unit, arguments.scale, classes=classes)
+    with options_for_fields(_FOR_FILES):
+        options = TableOptions(columns, arguments.rate, arguments.unit, arguments.scale, classes=classes)
     if arguments.homography is None:
         return options
-    if not _is_tracks(arguments.scene) or not format_of(arguments.scene, options).pixels:
+    if _kind_of(arguments.scene) != "tracks" or not format_of(arguments.scene, options).pixels:
         rule = f"the positions in {arguments.scene} are not pixels"
         raise ValueRuleError("--homography", str(arguments.homography), rule)
-    with _with_options_for_fields():
+    with options_for_fields(_FOR_FILES):
         return replace(options, homography=read_homography(arguments.homography))
 
 
 @contextmanager
-def _with_options_for_fields() -> Iterator[None]:
-    """Let an error about a field of `TableOptions` name the option that was given."""
+def options_for_fields(options: Mapping[str, str]) -> Iterator[None]:
+    """Let an error about a field name the option that was given.
+
+    Args:
+        options: name of an option -> its field.
+    """
     try:
         yield
     except ValueRuleError as cause:
-        option = next((option for option, field in _FOR_FILES.items() if field == cause.field), cause.field)
+        option = next((option for option, field in options.items() if field == cause.field), cause.field)
         raise ValueRuleError(option, cause.value, cause.rule) from cause
 
 
-def _kind(arguments: argparse.Namespace) -> str:
+def _read_as(arguments: argparse.Namespace) -> str:
     """The format as which the scene was read."""
-    if arguments.scene.is_dir() and not is_bag(arguments.scene):
-        return "scene folder"
-    if _is_tracks(arguments.scene):
+    kind = _kind_of(arguments.scene)
+    if kind == "tracks":
         return format_of(arguments.scene, _options(arguments)).name
-    return (
-        "ROS bag" if _is_foreign(arguments.scene) or arguments.topic is not None else "recording of pedpred"
-    )
+    if kind == "recording" and arguments.topic is None:
+        return "recording of pedpred"
+    return "scene folder" if kind == "folder" else "ROS bag"
 
 
-def _is_tracks(path: Path) -> bool:
-    """Whether a path is a file of tracks; recordings and bags are none, and have names of their own."""
-    if path.is_dir() or is_bag(path) or path.suffix == ".mcap":
-        return False
-    return not (path.is_file() and Beginning.of(path).raw.startswith(MCAP0_MAGIC))
-
-
-def _is_foreign(path: Path) -> bool:
-    """Whether a path is a bag, not a recording of `write_recording` or a scene folder."""
-    return is_bag(path) or (path.is_file() and not is_recording(path))
+def _kind_of(path: Path) -> Literal["bag", "folder", "tracks", "recording"]:
+    """What a path is: a bag, a scene folder, a file of tracks, or a recording of `write_recording`."""
+    if is_bag(path):
+        return "bag"
+    if path.is_dir():
+        return "folder"
+    is_mcap = path.suffix == ".mcap" or (path.is_file() and Beginning.of(path).raw.startswith(MCAP0_MAGIC))
+    if not is_mcap:
+        return "tracks"
+    return "recording" if is_recording(path) else "bag"
 
 
 def _ground_given(arguments: argparse.Namespace) -> OccupancyMap | None:
     """The map that replaces that of the scene."""
     edges = [[end[:2], end[2:]] for end in arguments.open_end]
     if arguments.map is not None and is_geometry(arguments.map):
-        return read_ground(arguments.map, read_walls(arguments.map), CELL_M, WALL_M, edges, _OPEN_END_M)
+        return read_ground(arguments.map, read_walls(arguments.map), edges)
     inside = None
-    if edges and arguments.map is None and _is_tracks(arguments.scene):
+    if edges and arguments.map is None and _kind_of(arguments.scene) == "tracks":
         inside = format_of(arguments.scene, _options(arguments)).walls(arguments.scene)
     if inside is not None:
-        return read_ground(arguments.scene, inside, CELL_M, WALL_M, edges, _OPEN_END_M)
+        return read_ground(arguments.scene, inside, edges)
     if edges:
         remedy = "it needs a geometry: --map walls.xml or .wkt, or a recording that has one"
         raise ValueRuleError("--open-end", arguments.open_end[0], remedy)
@@ -179,7 +181,7 @@ def _ground_given(arguments: argparse.Namespace) -> OccupancyMap | None:
 def _on_map_beside(scene: Scene, path: Path) -> Scene:
     """A scene without obstacles, on the map of the map.yaml beside its file if there is one."""
     beside = path.with_name(_MAP_BESIDE)
-    if not _is_tracks(path) or not beside.exists():
+    if _kind_of(path) != "tracks" or not beside.exists():
         return scene
     ground = map_at(beside)
     if placement(scene.trajectories.position, ground).outside > _MOST_OUTSIDE:
@@ -245,32 +247,31 @@ def read_any(
         StorageError, SourceError: the file is missing, damaged or of another format.
         ValueRuleError: an option has no meaning for the format.
     """
-    options = options or TableOptions()
-    is_tracks = _is_tracks(path)
-    if is_tracks or (path.is_dir() and not is_bag(path)):
+    options, kind = options or TableOptions(), _kind_of(path)
+    if kind in ("tracks", "folder"):
         for name, value in {"--topic": topic, "--map-topic": map_topic}.items():
             if value:
                 raise ValueRuleError(name, value, f"{path} is no bag: it has no topics")
-    if is_tracks:
+    if kind == "tracks":
         scene = read_file(path, options, with_walls=map_topic != "")
     elif surplus := [name for name, field in _FOR_FILES.items() if getattr(options, field, None) is not None]:
         value = getattr(options, _FOR_FILES[surplus[0]])
         raise ValueRuleError(
             surplus[0], value, f"{path} says times and lengths itself; it is for tables and texts"
         )
-    elif _is_foreign(path) or (path.is_file() and (topic is not None or map_topic is not None)):
+    elif kind == "bag" or (kind == "recording" and (topic is not None or map_topic is not None)):
         return read_bag(path, topic, transform, map_topic, classes, options.names.of_number)
     else:
         _check_folder(path)
         if options.classes:
             raise ValueRuleError("--class", options.classes, f"{path} is a scene: all in it are people")
-        scene = read_own(path, options) if path.is_dir() else read_recording(path, transform)
-        check_speeds(path, scene.trajectories, by_format=True)
-        transform = transform if path.is_dir() else None
+        scene = read_own(path, options) if kind == "folder" else read_recording(path, transform)
+        check_speeds(path, scene.trajectories, sure=True, fixed="m")
+        transform = transform if kind == "folder" else None
     if transform is None:
         return scene
     people = transform.moved(scene.trajectories)
-    is_free = not scene.occupancy.occupied.any() and not path.is_dir()
+    is_free = not scene.occupancy.occupied.any() and kind == "tracks"
     return replace(
         scene,
         trajectories=people,

@@ -65,4 +65,4 @@ def read_turned_map(path: Path, content: dict[str, Any], yaw_rad: float, remedy:
         blocked = blocked_cells(image, blocked_greys(mode, negate, occupied_thresh, free_thresh), mode)
     with translate_errors(partial(StorageError, path, "map", remedy=remedy)):
         straight = OccupancyMap(blocked[::-1].T, np.array([x, y]), side_m)
-        return turned_map(straight.occupied, straight.origin, straight.resolution_m, yaw_rad)
+        return turned_map(straight, yaw_rad)

@@ -20,12 +20,15 @@ _PEOPLE = {
 }
 
 _MATCHED = "uint64 track_id\nbool is_occluded\nbool is_matched\nuint64 detection_id\n"
-_ESTIMATED = "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist\n"
+_ESTIMATED = (
+    "builtin_interfaces/Duration age\n"
+    "geometry_msgs/PoseWithCovariance pose\ngeometry_msgs/TwistWithCovariance twist\n"
+)
 
 
-def _spencer(age: str, detections: str = "") -> dict[str, str]:
+def _spencer(detections: str = "") -> dict[str, str]:
     return {
-        "spencer_tracking_msgs/msg/TrackedPerson": f"{_MATCHED}{detections}{age} age\n{_ESTIMATED}",
+        "spencer_tracking_msgs/msg/TrackedPerson": f"{_MATCHED}{detections}{_ESTIMATED}",
         "spencer_tracking_msgs/msg/TrackedPersons": _STAMPED
         + "spencer_tracking_msgs/TrackedPerson[] tracks\n",
     }
@@ -88,7 +91,7 @@ EDITIONS: tuple[dict[str, str], ...] = (
         **_PEOPLE,
         **_PEDSIM,
         **_MAPS,
-        **_spencer("builtin_interfaces/Duration"),
+        **_spencer(),
         **_vision(_NESTED, "string id\n"),
         **_hunav(
             "string name\n",
@@ -98,13 +101,13 @@ EDITIONS: tuple[dict[str, str], ...] = (
     },
     {
         **_PEOPLE,
-        **_spencer("builtin_interfaces/Duration", "uint64[] detection_ids\n"),
+        **_spencer("uint64[] detection_ids\n"),
         **_vision({_HYPOTHESIS: f"string id\n{_LIKELY}"}, f"{_CLOUD}bool is_tracking\nstring tracking_id\n"),
         **_hunav("uint8 behavior\nstring name\nuint8 behavior_state\n", "", {}),
     },
     {
         **_PEOPLE,
-        **_spencer("builtin_interfaces/Duration"),
+        **_spencer(),
         **_vision({_HYPOTHESIS: f"int64 id\n{_LIKELY}"}, _CLOUD),
     },
 )

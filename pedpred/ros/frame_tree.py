@@ -132,21 +132,19 @@ class FrameTree:
 
         None where no frame between them moves, infinite where no transforms connect them.
         """
-        up, down = self.chain(frame), self.chain(target)
+        up, down = self._chains(frame, target)
         if up[-1] != down[-1]:
             return np.inf
-        edges = ({*pairwise(up)} ^ {*pairwise(down)}) - self._fixed
+        edges = {*pairwise(up), *pairwise(down)} - self._fixed
         return max((time_s - float(self._known(edge)[0][-1]) for edge in edges), default=None)
 
     def lack(self, frame: str, target: str, time_s: float) -> str:
         """Say what is missing to bring a place from one frame into another at a time; empty if nothing is."""
-        up, down = self.chain(frame), self.chain(target)
+        up, down = self._chains(frame, target)
         if up[-1] != down[-1]:
             above = {name: chain[-1] for name, chain in ((frame, up), (target, down))}
             ends = " and ".join(f"{name!r} {self._end(name, top)}" for name, top in above.items())
             return f"no /tf leads from {frame!r} to {target!r}: {ends}"
-        while len(up) > 1 and len(down) > 1 and up[-2:] == down[-2:]:
-            up, down = up[:-1], down[:-1]
         for child, parent in (*pairwise(up), *pairwise(down)):
             if np.isfinite(self._poses((child, parent), np.array([time_s]), _ALWAYS)[1]).all():
                 continue
@@ -168,6 +166,13 @@ class FrameTree:
                 break
             frames.append(parent)
         return frames
+
+    def _chains(self, frame: str, target: str) -> tuple[list[str], list[str]]:
+        """The chains of two frames, up to the first one that is in both; whole ones where none is."""
+        up, down = self.chain(frame), self.chain(target)
+        while up[-2:] == down[-2:] and min(len(up), len(down)) > 1:
+            up, down = up[:-1], down[:-1]
+        return up, down
 
     def odometry(self, frame: str, target: str) -> str:
         """The frame, from another one up to a target, in which the robot never jumps; empty: there is none.
@@ -242,9 +247,7 @@ class FrameTree:
         self, place: np.ndarray, time_s: np.ndarray, frame: str, target: str, heard_s: tuple[float, float]
     ) -> np.ndarray:
         """See `placed`, of places whose heights are known. [N, 3]."""
-        up, down = self.chain(frame), self.chain(target)
-        while len(up) > 1 and len(down) > 1 and up[-2:] == down[-2:]:
-            up, down = up[:-1], down[:-1]
+        up, down = self._chains(frame, target)
         moved = place
         for edge in pairwise(up):
             turn, offset = self._poses(edge, time_s, heard_s)

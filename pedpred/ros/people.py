@@ -19,11 +19,6 @@ _ROBOT = 2
 """The type of a robot among the agents of pedsim and of HuNavSim."""
 
 
-def _poses(message: Any) -> Iterator[tuple[object, Any]]:
-    """Poses have no names: the index in the list identifies the person."""
-    return ((index, pose.position) for index, pose in enumerate(message.poses))
-
-
 def _agents(agents: Any, position: Callable[[Any], Any]) -> Iterator[tuple[object, Any]]:
     """Agents of a simulator, without its robot."""
     return ((agent.id, position(agent)) for agent in agents if getattr(agent, "type", 0) != _ROBOT)
@@ -40,7 +35,8 @@ ADAPTERS: dict[str, Adapter] = {
     "vision_msgs/msg/Detection3DArray": lambda m: (
         (getattr(d, "id", getattr(d, "tracking_id", "")), d.bbox.center.position) for d in m.detections
     ),
-    "geometry_msgs/msg/PoseArray": _poses,
+    # poses have no names: the place in the list identifies the person
+    "geometry_msgs/msg/PoseArray": lambda m: ((place, pose.position) for place, pose in enumerate(m.poses)),
 }
 """The supported message types. All have a header with stamp and frame."""
 

@@ -97,9 +97,7 @@ def map_of_grid(message: Any, resolution_m: str | None = None) -> OccupancyMap:
             a percentage.
     """
     straight, yaw_rad = _unturned(message, resolution_m)
-    if not yaw_rad:
-        return straight
-    return turned_map(straight.occupied, straight.origin, straight.resolution_m, yaw_rad)
+    return turned_map(straight, yaw_rad) if yaw_rad else straight
 
 
 def check_grid(message: Any) -> None:

@@ -18,18 +18,17 @@ _NO_CELL = 1e-6
 """Share of a cell that is no cell."""
 
 
-def turned_map(blocked: np.ndarray, origin: np.ndarray, side_m: float, yaw_rad: float) -> OccupancyMap:
+def turned_map(straight: OccupancyMap, yaw_rad: float) -> OccupancyMap:
     """The smallest map along the axes that holds a turned one; a cell that a blocked one touches is blocked.
 
     Takes one look-up for each of at most `MOST_PIXELS` cells, and `_POINTS`^2 for those near blocked ones.
 
     Args:
-        blocked: along the axes of the turned map. [X, Y] bool
-        origin: its corner, about which it is turned, m. [2]
-        side_m: of a cell, m.
+        straight: the map before it is turned about its origin.
         yaw_rad: counter-clockwise.
     """
-    size_m = side_m * np.array(blocked.shape)
+    blocked, origin, side_m = straight.occupied, straight.origin, straight.resolution_m
+    size_m = straight.extent_m
     corners = np.array([[0.0, 0.0], [size_m[0], 0.0], [0.0, size_m[1]], size_m])
     corners = origin + rotate(corners, np.full(4, yaw_rad))
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -48,7 +47,7 @@ def turned_map(blocked: np.ndarray, origin: np.ndarray, side_m: float, yaw_rad: 
 
 def warm_up_turning() -> None:
     """Compile the loop that turns maps, unless kept."""
-    turned_map(np.ones((1, 1), bool), np.zeros(2), 1.0, 0.1)
+    turned_map(OccupancyMap(np.ones((1, 1), bool), np.zeros(2), 1.0), 0.1)
 
 
 def _with_neighbours(padded: np.ndarray) -> np.ndarray:

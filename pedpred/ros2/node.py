@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -139,8 +140,13 @@ class PedpredNode(LifecycleNode):
             except ConfigError as problem:
                 _log.info("updates of the map are not heard: %s", problem)
         try:
-            self._listen(TRANSFORMS, "/tf", _listener("/tf", self._moving_came), _reliable(_TF_DEPTH))
-            fixed = _listener("/tf_static", self._fixed_came)
+            self._listen(
+                TRANSFORMS,
+                "/tf",
+                _listener("/tf", partial(self._transforms_came, fixed=False)),
+                _reliable(_TF_DEPTH),
+            )
+            fixed = _listener("/tf_static", partial(self._transforms_came, fixed=True))
             self._listen(TRANSFORMS, "/tf_static", fixed, _latched(_TF_DEPTH))
         except ConfigError as problem:
             _log.warning("people must be in the frame of the map: %s", problem)
@@ -247,12 +253,6 @@ class PedpredNode(LifecycleNode):
         """Take a map and when it was sent; see `_people_heard`."""
         if self._follower is not None:
             _listener("map", self._follower.map_came)(raw, about["source_timestamp"])
-
-    def _moving_came(self, raw: bytes) -> None:
-        self._transforms_came(raw, fixed=False)
-
-    def _fixed_came(self, raw: bytes) -> None:
-        self._transforms_came(raw, fixed=True)
 
     def _transforms_came(self, raw: bytes, fixed: bool) -> None:
         if self._follower is not None:

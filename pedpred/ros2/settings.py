@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_ranges
+from pedpred.fields import check_choice, check_ranges
 from pedpred.online import OnlineSettings
 from pedpred.ros.frame_tree import frame_name
 from pedpred.ros.people import ADAPTERS
@@ -25,8 +25,9 @@ _RANGES = {
     "detection_noise_m": "[0, 10]",
     "occupancy_cell_m": "[0, 100]",
     "most_people": "[1, 100000]",
+    "max_age_s": "[0, 60]",
+    "floor_m": "[0, 1000]",
 }
-_RANGES |= {"max_age_s": "[0, 60]", "floor_m": "[0, 1000]"}
 
 
 def _told(default: Any, text: str, live: bool = False) -> Any:
@@ -94,8 +95,7 @@ class NodeSettings:
     def __post_init__(self) -> None:
         check_ranges(self, _RANGES)
         for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise ValueRuleError(name, getattr(self, name), f"it must be one of {', '.join(choices)}")
+            check_choice(name, getattr(self, name), choices)
         if not frame_name(self.map_frame):
             raise ValueRuleError("map_frame", self.map_frame, "it must name a frame, such as map")
 

@@ -23,11 +23,10 @@ from pedpred.scenes import Trajectories
 from pedpred.sources import archive_table
 from pedpred.sources.archive_table import COLUMNS
 from pedpred.sources.beginnings import Beginning
+from pedpred.sources.frames import agreed_rate, tracks_in_frames
 from pedpred.sources.geometry_wkt import parse_wkt
-from pedpred.sources.rates import agreed_rate
 from pedpred.sources.walls import Walls
 from pedpred.storage.tracks import MOST_NUMBERS
-from pedpred.tables.detections import without_copies
 from pedpred.tables.options import TableOptions
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -65,11 +64,7 @@ def read(path: Path, options: TableOptions) -> tuple[Trajectories, Callable[[], 
     rows = {"line": np.arange(1, len(whole["id"]) + 1)}
     rows |= {"frame": whole["frame"].astype(np.int64), "track_id": whole["id"].astype(np.int64)}
     rows |= {f"{name}_m": columns[name].astype(np.float64) for name in ("x", "y")}
-    rows = without_copies(path, rows, clock="frame", counted="row")
-    position = np.stack([rows["x_m"], rows["y_m"]], axis=1)
-    with translate_errors(partial(SourceError, path, None)):
-        people = Trajectories(rows["frame"] / rate_hz, rows["track_id"], position)
-    return people, partial(_walls, path, about["wkt"])
+    return tracks_in_frames(path, rows, rate_hz, counted="row"), partial(_walls, path, about["wkt"])
 
 
 def read_walls(path: Path) -> Walls | None:

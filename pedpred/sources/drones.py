@@ -7,19 +7,14 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Sequence
-from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from pedpred.errors import SourceError
-from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import NO_PEDESTRIAN, Beginning
-from pedpred.sources.rates import agreed_rate
-from pedpred.tables.detections import without_copies
+from pedpred.sources.frames import agreed_rate, tracks_in_frames
 from pedpred.tables.options import TableOptions
-from pedpred.tables.text import Row, check_width, number, read_numbers, text_lines
+from pedpred.tables.text import Row, checked_rows, number, read_numbers, text_lines
 
 _WANTED = {"trackId": "track_id", "frame": "frame", "xCenter": "x_m", "yCenter": "y_m"}
 
@@ -53,10 +48,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     columns = read_numbers(path, (row for row in rows if row[1][at] in pedestrians), titles, _WANTED)
     if not len(columns["line"]):
         raise SourceError(path, None, f"nobody is a pedestrian, as {meta.name} says", NO_PEDESTRIAN)
-    columns = without_copies(path, columns, clock="frame")
-    with translate_errors(partial(SourceError, path, None)):
-        position = np.stack([columns["x_m"], columns["y_m"]], axis=-1)
-        return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)
+    return tracks_in_frames(path, columns, rate_hz)
 
 
 def _rate_hz(path: Path, options: TableOptions) -> float:
@@ -81,10 +73,4 @@ def _opened(path: Path, needed: Sequence[str]) -> tuple[Sequence[str], Iterator[
     _, titles = next(rows, (1, []))
     if missing := [title for title in needed if title not in titles]:
         raise SourceError(path, 1, f"no column {missing[0]}; found were {', '.join(titles)[:200]}")
-    return titles, _checked(path, titles, rows)
-
-
-def _checked(path: Path, titles: Sequence[str], rows: Iterator[Row]) -> Iterator[Row]:
-    for line, fields in rows:
-        check_width(path, line, fields, titles)
-        yield line, fields
+    return titles, checked_rows(path, rows, titles)

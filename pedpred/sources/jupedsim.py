@@ -18,18 +18,17 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pedpred.errors import SourceError
 from pedpred.fields import check_ranges, finite, parsed
 from pedpred.files import translate_errors
 from pedpred.scenes import Scene, Trajectories
+from pedpred.sources.frames import tracks_in_frames
 from pedpred.sources.geometry_xml import read_xml
 from pedpred.sources.walls import occupancy_of
 from pedpred.tables.comments import MOST_COMMENTS, NO_RATE, frame_rate_hz, unit_of_lengths
-from pedpred.tables.detections import without_copies
 from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ, TableOptions
 from pedpred.tables.text import Row, read_numbers, text_rows
+from pedpred.tables.titles import LENGTHS
 from pedpred.tables.units import PIXELS, UNITS
 
 COLUMNS = ("id", "frame", "x", "y")
@@ -108,16 +107,14 @@ def read_tracks(path: Path, rate_hz: float | None = None) -> Trajectories:
     titles = (*COLUMNS, "z", *(f"column_{n}" for n in range(6, len(first) + 1)))[: len(first)]
     wanted = dict(zip(COLUMNS, _NAMES, strict=True))
     columns = read_numbers(path, chain([(line, first)], rows), titles, wanted)
-    columns = without_copies(path, columns, clock="frame")
     unit = unit_of_lengths(path, comments, TableOptions()) or "m"
     if unit == PIXELS:
         raise SourceError(path, None, "lengths are said to be pixels", "Write them in metres")
-    position = UNITS[unit] * np.stack([columns["x_m"], columns["y_m"]], axis=-1)
+    columns |= {name: UNITS[unit] * columns[name] for name in LENGTHS}
     rate_hz = frame_rate_hz(path, comments, rate_hz)
     if rate_hz is None:
         raise SourceError(path, None, *NO_RATE)
-    with translate_errors(partial(SourceError, path, None)):
-        return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)
+    return tracks_in_frames(path, columns, rate_hz)
 
 
 def _without_comments(rows: Iterable[Row], comments: list[str]) -> Iterator[Row]:

@@ -19,11 +19,10 @@ from pedpred.errors import SourceError, brief
 from pedpred.files import limit_values, translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
+from pedpred.sources.frames import agreed_rate, tracks_in_frames
 from pedpred.sources.geometry_wkt import parse_wkt
-from pedpred.sources.rates import agreed_rate
 from pedpred.sources.walls import Walls
 from pedpred.storage.tracks import MOST_NUMBERS
-from pedpred.tables.detections import without_copies
 from pedpred.tables.options import TableOptions
 
 MAGIC = b"SQLite format 3\0"
@@ -63,12 +62,9 @@ def read(path: Path, options: TableOptions) -> Trajectories:
         if not parts:
             raise SourceError(path, None, "no detections, trajectory_data is empty")
         rate_hz = _rate_hz(path, database, options)
-        (frame, track_id), position = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
-        rows = {"line": np.arange(1, count + 1), "frame": frame, "track_id": track_id}
-        rows |= {"x_m": position[0], "y_m": position[1]}
-        rows = without_copies(path, rows, clock="frame", counted="row")
-        position = np.stack([rows["x_m"], rows["y_m"]], axis=-1)
-        return Trajectories(rows["frame"] / rate_hz, rows["track_id"], position)
+        (frame, track_id), (x, y) = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+        rows = {"line": np.arange(1, count + 1), "frame": frame, "track_id": track_id, "x_m": x, "y_m": y}
+        return tracks_in_frames(path, rows, rate_hz, counted="row")
 
 
 def read_walls(path: Path) -> Walls | None:

@@ -23,12 +23,12 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
-from pedpred.sources.rates import agreed_rate
+from pedpred.sources.frames import agreed_rate
 from pedpred.storage.tracks import MOST_NUMBERS
 from pedpred.tables.decimals import has_decimal_comma, with_decimal_points
 from pedpred.tables.missing import MISSING
 from pedpred.tables.options import TableOptions
-from pedpred.tables.text import Row, check_width, is_number, number, text_lines
+from pedpred.tables.text import Row, checked_rows, is_number, number, text_lines
 
 _log = logging.getLogger(__name__)
 _QTM, _MAGNI = "NO_OF_FRAMES", "FILE_ID"
@@ -67,16 +67,16 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     export = _opened(path)
     places = _places(path, export)
     used = sorted({column for pairs in places.values() for pair in pairs for column in pair})
-    clock = next((export.titles.index(title) for title in ("Time", "Frame") if title in export.titles), None)
-    lines, values = _values(path, export, used if clock is None else [clock, *used])
-    if clock is not None and export.titles[clock] == "Time":
-        time_s, values = values[:, 0], values[:, 1:]
+    clock = [title for title in ("Time", "Frame") if title in export.titles][:1]
+    lines, numbers = _values(path, export, [*map(export.titles.index, clock), *used])
+    values = numbers[:, len(clock) :]
+    if clock == ["Time"]:
+        time_s = numbers[:, 0]
         if options.rate_hz is not None:
             _log.warning("%s: times are in column Time, so that --rate is not used", path)
     else:
-        frame = _frames_by_lines(export, lines) if clock is None else values[:, 0]
+        frame = numbers[:, 0] if clock else _frames_by_lines(export, lines)
         time_s = frame / _rate_hz(path, export, options)
-        values = values[:, 0 if clock is None else 1 :]
     if not np.isfinite(time_s).all():
         raise SourceError(path, int(lines[~np.isfinite(time_s)][0]), "the time is missing")
     first = _first_frames(path, lines, time_s, values)
@@ -203,7 +203,7 @@ def _values(path: Path, export: _Export, used: Sequence[int]) -> tuple[np.ndarra
     """Lines [F] and the numbers of some columns [F, C]; NaN where a field says nothing."""
     lines: list[int] = []
     values: list[np.ndarray] = []
-    checked = _of_width(path, export)
+    checked = checked_rows(path, export.rows, export.titles)
     for line, fields in with_decimal_points(path, checked, used, separator="\t"):
         if (len(values) + 1) * len(used) > MOST_NUMBERS:
             raise SourceError(path, line, f"more than {MOST_NUMBERS} numbers", "Divide the file")
@@ -217,13 +217,6 @@ def _values(path: Path, export: _Export, used: Sequence[int]) -> tuple[np.ndarra
     if not values:
         raise SourceError(path, None, "no data below the header")
     return np.array(lines), np.array(values)
-
-
-def _of_width(path: Path, export: _Export) -> Iterator[Row]:
-    """The lines of the data, which have a field for each title; errors of `check_width`."""
-    for line, fields in export.rows:
-        check_width(path, line, fields, export.titles)
-        yield line, fields
 
 
 def _is_seen(position: np.ndarray) -> np.ndarray:

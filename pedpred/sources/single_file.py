@@ -24,6 +24,7 @@ from pedpred.sources import (
     viswalk,
 )
 from pedpred.sources.beginnings import Beginning
+from pedpred.sources.geometries import CELL_M, WALL_M
 from pedpred.sources.plausibility import check_degrees, check_speeds, check_titles, doubt_fractions
 from pedpred.sources.times import check_brief, check_clock, check_digits, doubt_whole_seconds
 from pedpred.sources.untitled import read_untitled
@@ -31,14 +32,10 @@ from pedpred.sources.walls import Walls, occupancy_of
 from pedpred.tables.columnar import is_columnar
 from pedpred.tables.lines import has_header
 from pedpred.tables.options import TableOptions
-from pedpred.tables.pictures import is_of_pixels
 from pedpred.tables.placeholders import without_placeholders
 from pedpred.tables.reading import read_table
 from pedpred.tables.titles import naming
 from pedpred.tables.units import PIXELS
-
-CELL_M, WALL_M = 0.05, 3.0
-"""Of maps made from geometries, m: side of a cell, thickness of walls."""
 
 _NOBODY = "no detections: no row is left that says when somebody is where"
 
@@ -79,23 +76,20 @@ def read_file(path: Path, options: TableOptions | None = None, with_walls: bool 
     """
     options = options or TableOptions()
     kind = format_of(path, options)
-    if options.unit is not None and kind.unit is not None:
-        raise ValueRuleError("--unit", options.unit, f"{path} is {kind.name}, whose unit is known")
-    if options.pixel_m is not None and not kind.pixels:
-        raise ValueRuleError(
-            "--scale", options.pixel_m, f"{path} is {kind.name}, whose positions are not pixels"
-        )
-    if options.classes and kind is not _TABLE:
-        raise ValueRuleError(
-            "--class", options.classes, f"{path} is {kind.name}, without classes to choose from"
-        )
-    if options.columns is not None and kind is not _TABLE:
-        raise ValueRuleError("--columns", options.columns, f"{path} is {kind.name}, whose columns are known")
+    meant: dict[str, tuple[object, bool, str]] = {
+        "--unit": (options.unit, kind.unit is None, "whose unit is known"),
+        "--scale": (options.pixel_m, kind.pixels, "whose positions are not pixels"),
+        "--class": (options.classes or None, kind is _TABLE, "without classes to choose from"),
+        "--columns": (options.columns, kind is _TABLE, "whose columns are known"),
+    }
+    for name, (value, has_meaning, why) in meant.items():
+        if value is not None and not has_meaning:
+            raise ValueRuleError(name, value, f"{path} is {kind.name}, {why}")
     content = kind.read(path, options)
     people, walls_in = content if isinstance(content, tuple) else (content, partial(kind.walls, path))
     trajectories = without_placeholders(path, people)
     titled = kind is _TABLE and options.columns is None
-    unit = PIXELS if is_of_pixels(options) else kind.unit
+    unit = PIXELS if options.are_pixels else kind.unit
     dt_s = checked_interval_s(path, trajectories, titled, options, unit)
     walls = walls_in() if with_walls else None
     if walls is None:
@@ -155,9 +149,10 @@ def checked_interval_s(
     check_clock(path, dt_s)
     check_digits(path, people)
     doubt_whole_seconds(path, people, dt_s)
-    check_degrees(path, people, sure)
-    if not sure and said is None and fixed is None:
-        doubt_fractions(path, people)
+    if not sure:
+        check_degrees(path, people)
+        if said is None and fixed is None:
+            doubt_fractions(path, people)
     if titled:
         check_titles(path, people)
     if not sure:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,8 @@ from pedpred.files import translate_errors
 from pedpred.plain import parse_json
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import Beginning
-from pedpred.tables.detections import with_positions, without_copies
+from pedpred.sources.frames import tracks_in_frames
+from pedpred.tables.detections import with_positions
 from pedpred.tables.options import TableOptions
 from pedpred.tables.text import Row, read_numbers, text_lines
 
@@ -63,19 +65,16 @@ def read_ndjson(path: Path, options: TableOptions | None = None) -> Trajectories
     columns = read_numbers(path, rows, tuple(_FIELDS), _FIELDS)
     if not len(columns["line"]):
         raise SourceError(path, None, f"no line with a track, such as {_LINE}", _OTHERS)
-    columns = without_copies(path, columns, clock="frame")
-    position = np.stack([columns["x_m"], columns["y_m"]], axis=-1)
+    if options is not None and options.rate_hz is not None:
+        return tracks_in_frames(path, columns, options.rate_hz)
+    by_frame = tracks_in_frames(path, columns, rate_hz=1.0)
+    if len(rates) != 1 or not 0.0 < min(rates) < np.inf:
+        named = ", ".join(f"{rate:g}" for rate in sorted(rates)[:5]) or "none"
+        remedy = "Say how many frames a second has: --rate"
+        raise SourceError(path, None, f"fps of the scenes: {named}", remedy)
     with translate_errors(partial(SourceError, path, None)):
-        by_frame = Trajectories(columns["frame"], columns["track_id"], position)
-        if options is not None and options.rate_hz is not None:
-            return Trajectories(columns["frame"] / options.rate_hz, columns["track_id"], position)
-        if len(rates) != 1 or not 0.0 < min(rates) < np.inf:
-            named = ", ".join(f"{rate:g}" for rate in sorted(rates)[:5]) or "none"
-            raise SourceError(
-                path, None, f"fps of the scenes: {named}", "Say how many frames a second has: --rate"
-            )
         rate_hz = by_frame.usual_interval_s() * rates.pop()
-        return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)
+        return replace(by_frame, time_s=by_frame.time_s / rate_hz)
 
 
 def rate_of(scene: Mapping[str, Any]) -> float:

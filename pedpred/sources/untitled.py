@@ -20,6 +20,7 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.plausibility import check_places, ids_come_first
+from pedpred.storage.tracks import tracks_of
 from pedpred.tables.clocks import set_time
 from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import is_time
@@ -83,33 +84,31 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         problem = f"without a header, {len(titles)} columns in pixels may be those of boxes"
         raise SourceError(path, line, problem, _REMEDY.replace("time", "frame"))
     in_metres(path, columns, dict.fromkeys(LENGTHS, unit), options)
-    position = np.stack([columns.pop(name) for name in LENGTHS], axis=-1)
+    read = [(ids, columns.pop(name)) for ids, name in zip(both, _NAMES, strict=False)]
     fractions = [ids.holds_fractions() for ids in both]
-    ids_first = fractions[1] if any(fractions) else _ids_first(path, both, columns, position, titles)
-    (who, clock), names = (both, _NAMES) if ids_first else (both[::-1], _NAMES[1::-1])
-    values = {"line": columns["line"], "x_m": position[:, 0], "y_m": position[:, 1]}
-    values["track_id"] = numbered(who, columns[names[0]], options)
+    ids_first = fractions[1] if any(fractions) else _ids_first(path, read, columns, titles)
+    (who, whose), (clock, when) = read if ids_first else read[::-1]
+    columns["track_id"] = numbered(who, whose, options)
     if any(fractions):
         order, clock_is, rate_hz = ("id", "time"), "s", None
-        values["time_s"] = clock.written(columns[names[1]])
+        columns["time_s"] = clock.written(when)
         again = _without_row_numbers(path, lines_of(path, header=False).rows)
-        check_fractions(path, values, ((line, fields[int(ids_first)]) for line, fields in again))
+        check_fractions(path, columns, ((line, fields[int(ids_first)]) for line, fields in again))
     else:
         rate_hz = frame_rate_hz(path, lines.comments, options.rate_hz)
         if rate_hz is None:
             raise SourceError(path, None, *NO_RATE)
         order, clock_is = ("id", "frame"), f"{rate_hz:g} Hz"
-        values["frame"] = _frames(clock, columns[names[1]])
-    set_time(path, values, None, rate_hz)
-    if still.others_change() and (cause := _other_than_x(x, values["track_id"], values["time_s"])):
+        columns["frame"] = _frames(clock, when)
+    set_time(path, columns, None, rate_hz)
+    if still.others_change() and (cause := _other_than_x(x, columns["track_id"], columns["time_s"])):
         raise SourceError(path, None, f"without a header, column 3 should be x, but it {cause}", _IN_ORDER)
-    doubt_restarts(path, values)
-    values = without_copies(path, without_untracked(path, values), options.names)
+    doubt_restarts(path, columns)
+    columns = without_copies(path, without_untracked(path, columns), options.names)
     shown = ", ".join(order if ids_first else order[::-1])
     _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit or "m", clock_is)
     with translate_errors(partial(SourceError, path, None, remedy=OWN_VALUES)):
-        position = np.stack([values["x_m"], values["y_m"]], axis=-1)
-        people = Trajectories(values["time_s"], values["track_id"], position)
+        people = tracks_of(columns, path)
     check_places(path, people, _REMEDY)
     return people
 
@@ -179,16 +178,15 @@ def _numbers_rows(columns: Sequence[Sequence[str]]) -> bool:
 
 def _ids_first(
     path: Path,
-    both: tuple[Ids, Ids],
+    read: Sequence[tuple[Ids, np.ndarray]],
     columns: Mapping[str, np.ndarray],
-    position: np.ndarray,
     titles: Sequence[str],
 ) -> bool:
     """Whether ids come before frames; where that stays open, people are asked."""
-    left, right = (ids.whole(columns[name]) for ids, name in zip(both, _NAMES, strict=False))
+    left, right = (ids.whole(written) for ids, written in read)
     if left is None or right is None:
         return right is not None
-    ids_first = ids_come_first(left, right, position)
+    ids_first = ids_come_first(left, right, np.stack([columns[name] for name in LENGTHS], axis=-1))
     if ids_first is None:
         one, other = (",".join([*order, *titles[2:]]) for order in (("id", "frame"), ("frame", "id")))
         problem = "without a header, the first two columns could be id and frame, or frame and id"

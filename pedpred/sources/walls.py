@@ -21,10 +21,6 @@ Rings = tuple[np.ndarray, ...]
 """Closed polygons, vertices [V, 2] in m; inside is what an odd number of them encloses."""
 
 
-def _no_lines() -> np.ndarray:
-    return np.zeros((0, 2, 2))
-
-
 @dataclass(frozen=True)
 class Walls:
     """What a geometry file says, world frame, m.
@@ -37,7 +33,7 @@ class Walls:
 
     outlines: tuple[Rings, ...] = ()
     obstacles: Rings = ()
-    lines: np.ndarray = field(default_factory=_no_lines)
+    lines: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 2)))
 
 
 def occupancy_of(

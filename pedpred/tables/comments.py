@@ -9,7 +9,6 @@ from pathlib import Path
 
 from pedpred.errors import SourceError
 from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ, TableOptions, is_same_rate
-from pedpred.tables.pictures import is_of_pixels
 from pedpred.tables.units import LENGTH_WORDS, PIXELS
 
 MOST_COMMENTS = 1000
@@ -92,7 +91,7 @@ def unit_of_lengths(path: Path, comments: Sequence[str], options: TableOptions) 
     Raises:
         SourceError: they differ.
     """
-    stated = PIXELS if is_of_pixels(options) else options.unit
+    stated = PIXELS if options.are_pixels else options.unit
     texts = [_ASIDE.sub("", text) for text in comments]
     units = {LENGTH_WORDS[match[1].lower()] for text in texts for match in _UNIT.finditer(text)}
     if stated is not None:

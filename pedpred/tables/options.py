@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_choice
+from pedpred.geometry import Homography
 from pedpred.tables.names import TrackNames
 from pedpred.tables.titles import titles_of_tracks
 from pedpred.tables.units import UNITS, FoundUnit
@@ -33,6 +34,8 @@ class TableOptions:
         rate_hz: of frame numbers; None: the file says it, or has times.
         unit: of lengths, a key of `UNITS`; None: the file says it, or they are metres.
         pixel_m: side of a pixel, m, where people were annotated in a picture.
+        homography: where pixels lie on the ground, in place of `pixel_m`; None: the camera looks straight
+            down.
         names: of tracks whose ids are words; the reader adds them.
         found: the unit of lengths that was read; the reader sets it.
         classes: who is a person, where a column holds classes; empty: whoever is called so.
@@ -42,6 +45,7 @@ class TableOptions:
     rate_hz: float | None = None
     unit: str | None = None
     pixel_m: float | None = None
+    homography: Homography | None = None
     names: TrackNames = field(default_factory=TrackNames, compare=False)
     classes: tuple[str, ...] = ()
     found: FoundUnit = field(default_factory=FoundUnit, compare=False)
@@ -59,3 +63,12 @@ class TableOptions:
             )
         if self.pixel_m is not None and self.unit is not None:
             raise ValueRuleError("unit", self.unit, "lengths are pixels, whose size is given: omit one")
+        if self.homography is not None:
+            for name in ("pixel_m", "unit"):
+                if (value := getattr(self, name)) is not None:
+                    raise ValueRuleError(name, value, "a homography contains the size of a pixel: omit one")
+
+    @property
+    def are_pixels(self) -> bool:
+        """Whether the caller says where pixels lie on the ground."""
+        return self.pixel_m is not None or self.homography is not None

@@ -7,14 +7,13 @@ count downwards; with a homography, the world frame is that of the homography.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import SourceError, ValueRuleError, worded
+from pedpred.errors import SourceError, worded
 from pedpred.files import translate_errors
 from pedpred.geometry import Homography
 from pedpred.tables.options import TableOptions
@@ -22,25 +21,6 @@ from pedpred.tables.text import number, text_lines
 
 _NUMBERS, _SEPARATORS = 9, re.compile(r"[\[\](),;]")
 _MATRIX = "A homography has 3 x 3 numbers, which map (x, y, 1) in pixels to metres, up to scale"
-
-
-@dataclass(frozen=True)
-class PictureOptions(TableOptions):
-    """What annotations in pictures do not say themselves.
-
-    Attributes:
-        homography: where pixels lie on the ground, in place of `pixel_m`; None: the camera looks straight
-            down.
-    """
-
-    homography: Homography | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.homography is not None:
-            for name in ("pixel_m", "unit"):
-                if (value := getattr(self, name)) is not None:
-                    raise ValueRuleError(name, value, "a homography contains the size of a pixel: omit one")
 
 
 def read_homography(path: Path) -> Homography:
@@ -62,11 +42,6 @@ def read_homography(path: Path) -> Homography:
         return Homography(np.array(numbers).reshape(3, 3)[:, [1, 0, 2]])  # that class has (row, column, 1)
 
 
-def is_of_pixels(options: TableOptions) -> bool:
-    """Whether the caller says where pixels lie on the ground."""
-    return options.pixel_m is not None or _homography(options) is not None
-
-
 def on_ground(
     path: Path, options: TableOptions, x: np.ndarray, y: np.ndarray, line: np.ndarray
 ) -> np.ndarray:
@@ -74,7 +49,7 @@ def on_ground(
 
     Args:
         path: the file, for errors.
-        options: `pixel_m`, or the homography of `PictureOptions`, is needed.
+        options: `pixel_m` or `homography` is needed.
         x: pixels from the left. [M]
         y: pixels from the top. [M]
         line: of the file. [M]
@@ -85,9 +60,8 @@ def on_ground(
     Raises:
         SourceError: the size of a pixel is unknown, or the homography's horizon is among the people.
     """
-    homography = _homography(options)
-    if homography is not None:
-        return _beneath(path, homography, np.stack([y, x], axis=-1), line)
+    if options.homography is not None:
+        return _beneath(path, options.homography, np.stack([y, x], axis=-1), line)
     if options.pixel_m is None:
         remedy = worded(
             "Say how long the side of a pixel is, in metres: --scale 0.03, or give --homography H.txt",
@@ -95,10 +69,6 @@ def on_ground(
         )
         raise SourceError(path, None, "positions are in pixels, and their size is unknown", remedy)
     return np.float64(options.pixel_m) * np.stack([x, -y], axis=-1)
-
-
-def _homography(options: TableOptions) -> Homography | None:
-    return options.homography if isinstance(options, PictureOptions) else None
 
 
 def _beneath(path: Path, homography: Homography, pixels_rc: np.ndarray, line: np.ndarray) -> np.ndarray:

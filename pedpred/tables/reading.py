@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from pedpred.errors import SourceError, ValueRuleError, worded
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
+from pedpred.storage.tracks import tracks_of
 from pedpred.tables.classes import classes_of_people, label_of
 from pedpred.tables.clocks import add_rest, set_time
 from pedpred.tables.comments import frame_rate_hz, unit_of_lengths
@@ -52,7 +52,6 @@ from pedpred.tables.titles import (
 from pedpred.tables.units import PIXELS, UNITS
 
 _LONG = "Write a line per person and instant, with columns such as time,id,x,y"
-_PAIRS = {"position": LENGTHS, "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
 _LONGEST_TITLES, _SHOWN_NAMES = 200, 3
 _FEW_RECORDINGS, _MOST_RECORDINGS, _FEWEST_ROWS = 10, 500, 10
 """More values than the first count messages, unless each is in so many rows."""
@@ -119,26 +118,32 @@ def people_in_rows(
             for title, column in at.items():
                 counts[title][label_of(fields[column])] += 1
     for title in parts:
-        values, count = sorted(set(counts[title]) - {""}), sum(counts[title].values())
-        if 1 < len(values) <= max(_FEW_RECORDINGS, min(_MOST_RECORDINGS, count / _FEWEST_ROWS)):
-            shown = ", ".join(values[:_SHOWN_NAMES]) + ", ..." * (len(values) > _SHOWN_NAMES)
-            part = f"divide the {worded('file', 'table')} if they are several"
-            text = f"%s: column %s holds %s: all are read as one recording; {part}"
-            if is_part_of_time(title):
-                text += ", or write one column of times if they are parts of these"
-            _log.warning(text, path, title, shown)
+        _doubt_one_recording(path, title, counts[title])
     for title, of_nobody in flags.items():
-        unseen = sum(
-            count for value, count in counts[title].items() if _TRUTH.get(value.lower()) is of_nobody
-        )
-        if unseen:
-            text = (
-                "%s: column %s is %s in %d rows, which are read like others: remove them if nobody was seen"
-            )
-            _log.warning(text, path, title, of_nobody, unseen)
+        _doubt_unseen(path, title, counts[title], of_nobody)
     if kinds or options.classes:
         return classes_of_people(path, {title: counts[title] for title in kinds}, options.classes)
     return None
+
+
+def _doubt_one_recording(path: Path, title: str, counts: Counter[str]) -> None:
+    """Warn if a column that tells recordings apart has several values, and not one for nearly every row."""
+    values = sorted(set(counts) - {""})
+    if 1 < len(values) <= max(_FEW_RECORDINGS, min(_MOST_RECORDINGS, counts.total() / _FEWEST_ROWS)):
+        shown = ", ".join(values[:_SHOWN_NAMES]) + ", ..." * (len(values) > _SHOWN_NAMES)
+        part = f"divide the {worded('file', 'table')} if they are several"
+        text = f"%s: column %s holds %s: all are read as one recording; {part}"
+        if is_part_of_time(title):
+            text += ", or write one column of times if they are parts of these"
+        _log.warning(text, path, title, shown)
+
+
+def _doubt_unseen(path: Path, title: str, counts: Counter[str], of_nobody: bool) -> None:
+    """Warn if a column of flags has the value of somebody who was not seen."""
+    unseen = sum(count for value, count in counts.items() if _TRUTH.get(value.lower()) is of_nobody)
+    if unseen:
+        text = "%s: column %s is %s in %d rows, which are read like others: remove them if nobody was seen"
+        _log.warning(text, path, title, of_nobody, unseen)
 
 
 def tracks_in_rows(
@@ -211,12 +216,11 @@ def _read(
         set_time(path, columns, units[clock], rate_hz)
         doubt_restarts(path, columns)
         columns = without_copies(path, without_untracked(path, columns), options.names)
-        del columns["line"]
         if lines is not None:
             used = wanted | ({titles[days]: "date"} if days is not None and dates.read_days else {})
             used |= {kind: "class"} if kind else {}
             _tell(path, titles, used, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})
-        return _tracks(columns)
+        return tracks_of(columns, path)
 
 
 def in_metres(
@@ -284,20 +288,6 @@ def numbered(ids: Ids, column: np.ndarray, options: TableOptions) -> np.ndarray:
         more = ", ..." * (len(names) > _SHOWN_NAMES)
         _log.info("%s: ids are words, and numbered: %s%s", ids.path, shown, more)
     return numbers
-
-
-def _tracks(columns: dict[str, np.ndarray]) -> Trajectories:
-    """The tracks in columns, which are emptied on the way: two million rows are large.
-
-    Raises:
-        ValueRuleError: a value is impossible.
-    """
-    for field, names in _PAIRS.items():
-        if set(names) <= set(columns):
-            columns[field] = np.stack([columns.pop(name) for name in names], axis=-1)
-    return Trajectories(
-        **{field.name: columns[field.name] for field in fields(Trajectories) if field.name in columns}
-    )
 
 
 def _said(title: str) -> str | None:

@@ -124,6 +124,13 @@ def check_width(
         raise SourceError(path, line, problem, remedy)
 
 
+def checked_rows(path: Path, rows: Iterable[Row], columns: Sequence[str]) -> Iterator[Row]:
+    """The rows, which have a field for each column; errors of `check_width`."""
+    for line, fields in rows:
+        check_width(path, line, fields, columns)
+        yield line, fields
+
+
 def numbers(path: Path, line: int, fields: Sequence[str], columns: Sequence[str]) -> list[float]:
     """The finite numbers of one line, one for each named column; errors of `number` and `check_width`."""
     check_width(path, line, fields, columns)

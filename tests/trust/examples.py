@@ -44,7 +44,7 @@ from pedpred.storage.situations import (
     write_situations_manifest,
 )
 from pedpred.tables.options import TableOptions
-from pedpred.tables.pictures import PictureOptions, read_homography
+from pedpred.tables.pictures import read_homography
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.field_formats import BINARY, PIXEL_M, RATE_HZ, ROWS, WRITERS
 from tests.forecasts import windows_with
@@ -127,7 +127,7 @@ def make_geometries(folder: Path) -> None:
 
 
 def read_geometries(folder: Path) -> object:
-    return [read_ground(folder / name, read_walls(folder / name), 0.1, 1.0) for name in GEOMETRIES]
+    return [read_ground(folder / name, read_walls(folder / name)) for name in GEOMETRIES]
 
 
 def make_table(folder: Path) -> None:
@@ -175,7 +175,7 @@ def make_inclined(folder: Path) -> None:
 
 
 def read_inclined(folder: Path) -> object:
-    return read_file(folder / "annotations.txt", PictureOptions(homography=read_homography(folder / "H.txt")))
+    return read_file(folder / "annotations.txt", TableOptions(homography=read_homography(folder / "H.txt")))
 
 
 def read_field_texts(folder: Path) -> object:
@@ -333,7 +333,7 @@ def read_archive(folder: Path) -> None:
     """Fetch from the archives, one of which is damaged; nothing but the right files may come of it."""
     target = folder / "raw" / "ewap"
     shutil.rmtree(target.parent, ignore_errors=True)
-    sums = {name: hashlib.sha256(content).hexdigest() for name, content in ARCHIVED.items()}
+    sums = tuple(f"{hashlib.sha256(content).hexdigest()}  {name}" for name, content in ARCHIVED.items())
     archives = tuple(str(folder / f"mirror.{kind}") for kind in ("tar", "tgz"))
     mirrors.fetch(mirrors.Mirrors("ewap", (), archives, 1.0, sums), target)
 
