@@ -14,13 +14,12 @@ from typing import Any
 
 import numpy as np
 import yaml
-from tqdm import tqdm
 
 from benchmarks.timing import needed
 from pedpred.evaluation.forecasts import read_windows
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import read_origin
-from pedpred.online.replay import predictions_at, replay_scene
+from pedpred.online.replay import predictions_at, replay_with_progress
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_manifest
 
@@ -45,10 +44,7 @@ def differences(model: Path) -> Iterator[dict[str, Any]]:
         features, _ = read_manifest(Path("data/features", kind, data))
         settings = OnlineSettings.as_offline(features, scene.detection_dt_s)
         robot = OnlinePredictor.load(model, replace(settings, learn_trust=params["evaluation"]["trust"]))
-        frames = len(np.unique(scene.trajectories.time_s))
-        forecasts = tqdm(
-            replay_scene(scene, robot, kind == "simulated"), total=frames, desc=name, unit="frame"
-        )
+        forecasts = replay_with_progress(scene, robot, true_velocities=kind == "simulated")
         offline = windows.predictions[origin["method"]].point
         sizes = offline.shape[1], windows.dt_s
         online = predictions_at(forecasts, windows.track_id, windows.time_s, *sizes).point

@@ -19,7 +19,7 @@ from pedpred.fields import check_ranges
 from pedpred.files import read_bytes, read_json, translate_errors, write_json
 from pedpred.forecasting.tensors import TENSORS, predictions_of, sound_rows
 from pedpred.models.features import RowFormat
-from pedpred.online.graph import load_graph
+from pedpred.online.graph import Shape, load_graph
 from pedpred.scenes import Predictions
 from pedpred.tracking import KalmanSettings
 
@@ -33,7 +33,6 @@ _NOISE = {"acceleration_noise": "(0, 1000]", "position_noise_m": "(0, 100]", "in
 GRAPH, ABOUT = "network.onnx", "model.json"
 _REMEDY = "Export the model again or copy the folder again"
 _FEWER = "Lack of memory: let OnlineSettings.most_people be less. Anything else: export the model again"
-Shape = tuple[int, ...]
 
 
 def output_shapes(steps: int, modes: int) -> dict[str, Shape]:

@@ -15,7 +15,7 @@ from pedpred.features import ForecastProtocol, Neighbours, Surroundings
 from pedpred.files import check_input, check_output, given_path
 from pedpred.forecasting.chain import Chain, Place
 from pedpred.geometry import rotate
-from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
+from pedpred.online.caution import have_just_appeared, moving_shares, shorten_paths
 from pedpred.online.correction import Correction
 from pedpred.online.frame import Frame
 from pedpred.online.limit import keep_to_limit
@@ -127,7 +127,7 @@ class OnlinePredictor:
         """
         output = given_path("path", path)
         check_output(output)
-        write_place(output, Place(self._trust, self._regions), self._unused, self._checksum)
+        write_place(output, self._place, self._unused, self._checksum)
 
     def load_place(self, path: Path | str) -> None:
         """Delete all tracks, and go on with what the same network had learned; the map stays.
@@ -145,7 +145,7 @@ class OnlinePredictor:
         """Start with nobody, and with what was learned; see `read_place`."""
         self._unused = unused
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
-        self._trust, self._regions = place.trust, place.regions
+        self._place = place
         none, answer = np.zeros(0, int), self._network.nobody()
         _, self._last = self._forecast(self._people, place, none, answer.predictions, answer.velocities, 0.0)
 
@@ -178,9 +178,7 @@ class OnlinePredictor:
             ValueRuleError, ShapeError: one is not a number or out of range, or the shift has no two of them.
         """
         correction = Correction.checked(turn_rad, shift)
-        place = correction.of_place(Place(self._trust, self._regions))
-        self._people = correction.of_people(self._people)
-        self._trust, self._regions = place.trust, place.regions
+        self._people, self._place = correction.of_people(self._people), correction.of_place(self._place)
 
     def update(
         self, time_s: float, track_id: np.ndarray, position: np.ndarray, velocity: np.ndarray | None = None
@@ -213,7 +211,7 @@ class OnlinePredictor:
         now, longest_s = frame.time_s, self.protocol.lost_after_s + TIME_TOLERANCE_S
         if abs(now - self._now) <= longest_s and now <= self._now + TIME_TOLERANCE_S:
             return self._completed(frame)
-        people, place, jumps = self._people, Place(self._trust, self._regions), self._jumps
+        people, place, jumps = self._people, self._place, self._jumps
         if abs(now - self._now) > longest_s:
             if len(people) and (now < self._now or not jumps):  # of long gaps the first one
                 _LOG.warning("time jumps from %s s to %s s (seconds?): all are forgotten", self._now, now)
@@ -222,11 +220,9 @@ class OnlinePredictor:
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
-        people, place, forecast = self._detected(people, place, frame, now)
-        self._trust, self._regions = place.trust, place.regions
-        self._lives += len(frame)
-        self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
-        return forecast
+        self._people, self._place, self._last = self._detected(people, place, frame, now)
+        self._now, self._jumps, self._lives = now, jumps, self._lives + len(frame)
+        return self._last
 
     def _completed(self, frame: Frame) -> Forecast:
         """The last forecast, with people of another frame who were not detected since; nothing is learned."""
@@ -235,11 +231,9 @@ class OnlinePredictor:
         if not new.any() or self._now - frame.time_s > _APART_S + TIME_TOLERANCE_S:
             _LOG.warning("frame at %s s dropped: the last one was at %s s", frame.time_s, self._now)
             return self._last
-        place = Place(self._trust, self._regions)
-        people, _, forecast = self._detected(self._people, place, frame.select(new), self._now)
+        self._people, _, self._last = self._detected(self._people, self._place, frame.select(new), self._now)
         self._lives += len(frame)
-        self._people, self._last = people, forecast
-        return forecast
+        return self._last
 
     def _detected(
         self, people: People, place: Place, frame: Frame, time_s: float
@@ -379,8 +373,7 @@ class OnlinePredictor:
         """See `pedpred.online.caution`. [R]."""
         if self._about.memory:
             return np.ones(len(rows))
-        young = (people.seen_s - people.born_s)[rows] < YOUNG_S - TIME_TOLERANCE_S
-        new = young | (kept_before(people.past, rows) < NEWBORN)
+        new = have_just_appeared((people.seen_s - people.born_s)[rows], kept_before(people.past, rows))
         if not new.any():
             return np.ones(len(rows))
         noise_m = self._about.tracker.position_noise_m
