@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -20,7 +19,7 @@ import numpy as np
 import yaml
 
 from benchmarks.simulation_peers import PEERS, Corners, Step
-from benchmarks.timing import keep, run_measured, tell
+from benchmarks.timing import keep, run_stage, tell
 from pedpred.errors import user_errors
 from pedpred.simulation.crowd import Clock, crowd_of
 from pedpred.simulation.ground import ground_of
@@ -115,11 +114,7 @@ def compare(label: str, settings: SocialForceSettings, peers: bool, rng: np.rand
 def main_set() -> list[dict]:
     """Simulate and write the 5 h set as in the pipeline."""
     with tempfile.TemporaryDirectory() as out:
-        command = [sys.executable, "-m", "stages.simulate", "+name=main", f"+out={out}"]
-        seconds, peak_mib = run_measured(command, {"PEDPRED_JOBS": "2"})
-    return [
-        {"seconds": seconds, "largest_process_mib": peak_mib, "three_processes_at_most_mib": 3 * peak_mib}
-    ]
+        return [run_stage("simulate", "+name=main", f"+out={out}")]
 
 
 @user_errors()
