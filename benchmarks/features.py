@@ -129,7 +129,7 @@ def main_set() -> list[dict]:
     """Write the features of the whole set as in the pipeline, on two cores."""
     needed(MAIN, "dvc repro simulate@main")
     with tempfile.TemporaryDirectory() as out:
-        row = run_stage("features", "+name=main", f"+out={out}")
+        row = run_stage("features", "+kind=simulated", "+name=main", f"+out={out}")
         size = sum(path.stat().st_size for path in Path(out).iterdir())
     return [row | {"shards_mib": size / 2**20}]
 
