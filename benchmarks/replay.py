@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from benchmarks.timing import needed
+from pedpred.config import plain, read_params
 from pedpred.evaluation.forecasts import read_windows
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import read_origin
@@ -30,7 +30,7 @@ def differences(model: Path) -> Iterator[dict[str, Any]]:
     Args:
         model: a model folder; recordings that other networks or trackers forecast are left out.
     """
-    params, origin = yaml.safe_load(Path("params.yaml").read_text()), read_origin(model)
+    params, origin = plain(read_params(Path())), read_origin(model)
     for name, row in params["recording"]["scenes"].items():
         kind, data = Path(row["scene"]).parts[:2]
         weights = f"models/{row['networks']}"

@@ -45,12 +45,12 @@ def needed(path: Path, command: str) -> Path:
     return path
 
 
-def median_ms(function: Callable[[], object], budget_s: float = 1.0) -> float:
-    """Measure the median wall time of a call, ms, after one warm-up call; at least five calls."""
+def median_ms(function: Callable[[], object], budget_s: float = 1.0, least: int = 5) -> float:
+    """Measure the median wall time of a call, ms, after one warm-up call; of at least so many calls."""
     function()
     times: list[float] = []
     began = time.perf_counter()
-    while len(times) < 5 or time.perf_counter() - began < budget_s:
+    while len(times) < least or time.perf_counter() - began < budget_s:
         start = time.perf_counter()
         function()
         times.append(time.perf_counter() - start)
