@@ -24,8 +24,9 @@ from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features.perception import Perception
 from pedpred.online import OnlinePredictor
 from pedpred.online.batch import predictions_in_blocks
+from pedpred.online.predictor import NO_MAP
 from pedpred.online.settings import OnlineSettings
-from pedpred.scenes import OccupancyMap, Scene
+from pedpred.scenes import Scene
 from tools.places import add_recordings, recordings
 
 SPEEDS_MPS = (0.0, 0.2, 0.5, 1.0, 10.0)
@@ -56,8 +57,7 @@ def rows_of(scene: Scene, model: Path | None) -> list[dict[str, object]]:
     along, rows = ahead_m(scene, model), []
     blind = np.full_like(along["network"], np.nan)
     if scene.occupancy.occupied.any():
-        free = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
-        blind = ahead_m(replace(scene, occupancy=free), model)["network"]
+        blind = ahead_m(replace(scene, occupancy=NO_MAP), model)["network"]
     columns = {name: along[name] for name in ("truth", "network", "cv")} | {"network, no map": blind}
     for low, high in pairwise(SPEEDS_MPS):
         some = (along["speed"] >= low) & (along["speed"] < high)

@@ -70,7 +70,7 @@ def listed(path: Path) -> dict[str, str]:
     return {name: digest for digest, _, name in (line.partition(" ") for line in lines)}
 
 
-def parts_of(path: Path, figures: bool = False) -> Iterator[tuple[str, str]]:
+def parts_of(path: Path, figures: bool) -> Iterator[tuple[str, str]]:
     """Parts of a file with their checksums: columns, tensors, figures of a metric file, or the whole."""
     if path.suffix == ".parquet":
         table = pq.read_table(path)

@@ -63,15 +63,12 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
         yield scene
     if files:
         return
-    places = [folder for folder in _folders() if read_scene(folder).unavailable is None]
+    folders = scene_folders(REAL) if REAL.exists() else []
+    places = [folder for folder in folders if read_scene(folder).unavailable is None]
     if not places:
         remedy = "`python -m tools.recordings` says how to get recordings; then run `dvc repro ingest`"
         raise FileError(REAL, "", "no recording is here", f"{remedy}. Or name files")
     yield from map(read_any, places)
-
-
-def _folders() -> list[Path]:
-    return scene_folders(REAL) if REAL.exists() else []
 
 
 @config_errors()

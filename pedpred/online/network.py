@@ -149,15 +149,6 @@ def read_description(folder: Path) -> ModelDescription:
         )
 
 
-def network_checksum(folder: Path) -> str:
-    """SHA-256 of a model folder's network.
-
-    Raises:
-        StorageError: model.json is missing or altered.
-    """
-    return str(_read_about(folder)["network_sha256"])
-
-
 def read_origin(folder: Path) -> dict[str, Any]:
     """Where a model folder's network comes from, as the stage `export` notes it.
 
@@ -211,7 +202,11 @@ class Answer(NamedTuple):
 
 
 class ExportedNetwork:
-    """The network of a model folder; one thread, no state of its own. Pickled, it is read again there."""
+    """The network of a model folder; one thread, no state of its own. Pickled, it is read again there.
+
+    Attributes:
+        checksum: of the graph, SHA-256.
+    """
 
     def __init__(self, folder: Path, description: ModelDescription):
         """Load the graph.
@@ -222,7 +217,7 @@ class ExportedNetwork:
         """
         path = folder / GRAPH
         raw = read_bytes(path, _LARGEST_BYTES)
-        self._folder, self._checksum = folder.absolute(), _digest(raw)
+        self._folder, self.checksum = folder.absolute(), _digest(raw)
         wording = partial(StorageError, path, "graph")
         self._failed = partial(wording, remedy=_FEWER)
         with translate_errors(partial(wording, remedy=_REMEDY)):
@@ -233,7 +228,7 @@ class ExportedNetwork:
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _read_again, (self._folder, self._about, self._checksum)
+        return _read_again, (self._folder, self._about, self.checksum)
 
     def step(self, inputs: Mapping[str, np.ndarray], memory: Mapping[str, np.ndarray]) -> Answer:
         """One step of N people.
@@ -273,6 +268,6 @@ def _read_again(folder: Path, description: ModelDescription, checksum: str) -> E
         StorageError: the folder holds none any more, or another one.
     """
     network = ExportedNetwork(folder, description)
-    if network._checksum != checksum:
+    if network.checksum != checksum:
         raise StorageError(folder / GRAPH, "checksum", "it is another network than the pickled one", _REMEDY)
     return network

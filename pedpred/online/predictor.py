@@ -19,7 +19,7 @@ from pedpred.online.caution import have_just_appeared, moving_shares, shorten_pa
 from pedpred.online.correction import Correction
 from pedpred.online.frame import Frame
 from pedpred.online.limit import keep_to_limit
-from pedpred.online.network import ExportedNetwork, ModelDescription, network_checksum, read_description
+from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.past import earliest, kept_before, past_of, slots_for
 from pedpred.online.people import People, next_ticks_s, register_detections
 from pedpred.online.places import read_place, write_place
@@ -31,7 +31,8 @@ from pedpred.tracking import KalmanBank
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _LOG = logging.getLogger(__name__)
-_NO_MAP = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
+NO_MAP = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
+"""Free ground: what is assumed where no map is given."""
 _APART_S = 0.25
 """Frames of the sensors of one robot come at most so much out of order."""
 
@@ -57,7 +58,7 @@ class OnlinePredictor:
             raise ValueRuleError("settings", checked, "it must be OnlineSettings or None")
         folder = given_path("folder", folder)
         check_input(folder, "model", StorageError, folder=True)
-        self._about, self._checksum = read_description(folder), network_checksum(folder)
+        self._about = read_description(folder)
         self._network = ExportedNetwork(folder, self._about)
         self._settings = checked
         self._about = replace(self._about, tracker=self._settings.tracker or self._about.tracker)
@@ -66,7 +67,7 @@ class OnlinePredictor:
             learns = self._about.learn_noise and self._settings.tracker is None
         self._bank = KalmanBank.around(self._about.tracker, learns)
         self._chain = Chain(noise_m=self._settings.detection_noise_m, trust=self._settings.learn_trust)
-        self._map = _NO_MAP
+        self._map = NO_MAP
         self.name: Callable[[int], object] = int
         self.reset()
 
@@ -127,7 +128,7 @@ class OnlinePredictor:
         """
         output = given_path("path", path)
         check_output(output)
-        write_place(output, self._place, self._unused, self._checksum)
+        write_place(output, self._place, self._unused, self._network.checksum)
 
     def load_place(self, path: Path | str) -> None:
         """Delete all tracks, and go on with what the same network had learned; the map stays.
@@ -136,7 +137,8 @@ class OnlinePredictor:
             ValueRuleError: that is no path.
             StorageError: the file is missing, damaged or about another network; all is as it was.
         """
-        self._begin(*read_place(given_path("path", path), self._unlearned(), self._checksum))
+        checksum = self._network.checksum
+        self._begin(*read_place(given_path("path", path), self._unlearned(), checksum))
 
     def _unlearned(self) -> Place:
         return self._chain.unlearned(self.protocol.horizon_steps)
