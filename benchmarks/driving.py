@@ -40,6 +40,13 @@ from pedpred.workers import in_parallel
 from tools.arguments import count, output, probability
 
 
+def places_of(scene: Path | None, world: str, react: bool) -> Places:
+    """A recorded scene; without one, simulated worlds whose people react to the robot or do not."""
+    if scene is None:
+        return Worlds(world, react)
+    return Recording(read_given(command_parser().parse_args(["drive", str(scene)])))
+
+
 def compare(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
     """Each variant against the one that it changes, at equal time to the goal."""
     episodes = Episodes.of(rows)
@@ -95,11 +102,7 @@ def main() -> None:
     if options.write and not comparable:
         parser.error("--write writes a comparison: name a variant, the one that it changes, and two limits")
     check_command(parser, options, "benchmarks.driving", PAGE, beside=("table", "causes"))
-    places: Places = (
-        Worlds(options.world, options.people == REACTIONS[0])
-        if options.world
-        else Recording(read_given(command_parser().parse_args(["drive", str(options.scene)])))
-    )
+    places = places_of(options.scene, options.world, options.people == REACTIONS[0])
     trial = Trial(places, options.model, variants, options.risk, options.causes)
     jobs = [(trial, number) for number in range(options.episodes)]
     done = in_parallel(drive_episode, jobs, f"drive {places.name}", "episode")

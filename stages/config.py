@@ -298,7 +298,7 @@ def _report(cfg: Params) -> None:
         Methods.parse(part(cfg, "report", "methods"), cfg["comparison"]["reference"])
         parsed(PublishedRows, {"published": cfg["report"]["published"]})
     with configured("report.paper"):
-        Paper.parse(part(cfg, "report", "paper"))
+        parsed(Paper, part(cfg, "report", "paper"))
     with configured("report.page"):
         rows, shown = parsed_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
     _names("report.page.replays", rows.replays, cfg["folds"])

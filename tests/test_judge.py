@@ -12,12 +12,12 @@ import pytest
 from pedpred.config import read_params
 from pedpred.errors import ValueRuleError
 from pedpred.online.network import read_origin
+from pedpred.report.rows import PromiseRow
 from tests.conftest import ROOT
 from tools import judge
 from tools.judgement import metrics_of
 from tools.verdicts import (
     SEEDS,
-    Promise,
     Verdict,
     below,
     got_worse,
@@ -45,7 +45,7 @@ def read_once(monkeypatch):
 
 def verdicts(**changes):
     own = OWN | changes
-    found = place_verdicts("eth", SIMPLE | {"network": own}, "network", Promise("kalman_cv", 0.97))
+    found = place_verdicts("eth", SIMPLE | {"network": own}, "network", PromiseRow("kalman_cv", 0.97))
     return {verdict.what: verdict for verdict in (*found, *region_verdicts("eth", own))}
 
 

@@ -15,11 +15,11 @@ from pedpred.features import ForecastProtocol, Neighbours, Surroundings
 from pedpred.files import check_input, check_output, given_path
 from pedpred.forecasting.chain import Chain, Place
 from pedpred.geometry import rotate
-from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
+from pedpred.online.caution import have_just_appeared, moving_shares, shorten_paths
 from pedpred.online.correction import Correction
 from pedpred.online.frame import Frame
 from pedpred.online.limit import keep_to_limit
-from pedpred.online.network import ExportedNetwork, ModelDescription, network_checksum, read_description
+from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.past import earliest, kept_before, past_of, slots_for
 from pedpred.online.people import People, next_ticks_s, register_detections
 from pedpred.online.places import read_place, write_place
@@ -31,7 +31,8 @@ from pedpred.tracking import KalmanBank
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _LOG = logging.getLogger(__name__)
-_NO_MAP = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
+NO_MAP = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
+"""Free ground: what is assumed where no map is given."""
 _APART_S = 0.25
 """Frames of the sensors of one robot come at most so much out of order."""
 
@@ -57,7 +58,7 @@ class OnlinePredictor:
             raise ValueRuleError("settings", checked, "it must be OnlineSettings or None")
         folder = given_path("folder", folder)
         check_input(folder, "model", StorageError, folder=True)
-        self._about, self._checksum = read_description(folder), network_checksum(folder)
+        self._about = read_description(folder)
         self._network = ExportedNetwork(folder, self._about)
         self._settings = checked
         self._about = replace(self._about, tracker=self._settings.tracker or self._about.tracker)
@@ -66,7 +67,7 @@ class OnlinePredictor:
             learns = self._about.learn_noise and self._settings.tracker is None
         self._bank = KalmanBank.around(self._about.tracker, learns)
         self._chain = Chain(noise_m=self._settings.detection_noise_m, trust=self._settings.learn_trust)
-        self._map = _NO_MAP
+        self._map = NO_MAP
         self.name: Callable[[int], object] = int
         self.reset()
 
@@ -127,7 +128,7 @@ class OnlinePredictor:
         """
         output = given_path("path", path)
         check_output(output)
-        write_place(output, Place(self._trust, self._regions), self._unused, self._checksum)
+        write_place(output, self._place, self._unused, self._network.checksum)
 
     def load_place(self, path: Path | str) -> None:
         """Delete all tracks, and go on with what the same network had learned; the map stays.
@@ -136,7 +137,8 @@ class OnlinePredictor:
             ValueRuleError: that is no path.
             StorageError: the file is missing, damaged or about another network; all is as it was.
         """
-        self._begin(*read_place(given_path("path", path), self._unlearned(), self._checksum))
+        checksum = self._network.checksum
+        self._begin(*read_place(given_path("path", path), self._unlearned(), checksum))
 
     def _unlearned(self) -> Place:
         return self._chain.unlearned(self.protocol.horizon_steps)
@@ -145,7 +147,7 @@ class OnlinePredictor:
         """Start with nobody, and with what was learned; see `read_place`."""
         self._unused = unused
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
-        self._trust, self._regions = place.trust, place.regions
+        self._place = place
         none, answer = np.zeros(0, int), self._network.nobody()
         _, self._last = self._forecast(self._people, place, none, answer.predictions, answer.velocities, 0.0)
 
@@ -178,9 +180,7 @@ class OnlinePredictor:
             ValueRuleError, ShapeError: one is not a number or out of range, or the shift has no two of them.
         """
         correction = Correction.checked(turn_rad, shift)
-        place = correction.of_place(Place(self._trust, self._regions))
-        self._people = correction.of_people(self._people)
-        self._trust, self._regions = place.trust, place.regions
+        self._people, self._place = correction.of_people(self._people), correction.of_place(self._place)
 
     def update(
         self, time_s: float, track_id: np.ndarray, position: np.ndarray, velocity: np.ndarray | None = None
@@ -213,7 +213,7 @@ class OnlinePredictor:
         now, longest_s = frame.time_s, self.protocol.lost_after_s + TIME_TOLERANCE_S
         if abs(now - self._now) <= longest_s and now <= self._now + TIME_TOLERANCE_S:
             return self._completed(frame)
-        people, place, jumps = self._people, Place(self._trust, self._regions), self._jumps
+        people, place, jumps = self._people, self._place, self._jumps
         if abs(now - self._now) > longest_s:
             if len(people) and (now < self._now or not jumps):  # of long gaps the first one
                 _LOG.warning("time jumps from %s s to %s s (seconds?): all are forgotten", self._now, now)
@@ -222,11 +222,9 @@ class OnlinePredictor:
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
-        people, place, forecast = self._detected(people, place, frame, now)
-        self._trust, self._regions = place.trust, place.regions
-        self._lives += len(frame)
-        self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
-        return forecast
+        self._people, self._place, self._last = self._detected(people, place, frame, now)
+        self._now, self._jumps, self._lives = now, jumps, self._lives + len(frame)
+        return self._last
 
     def _completed(self, frame: Frame) -> Forecast:
         """The last forecast, with people of another frame who were not detected since; nothing is learned."""
@@ -235,11 +233,9 @@ class OnlinePredictor:
         if not new.any() or self._now - frame.time_s > _APART_S + TIME_TOLERANCE_S:
             _LOG.warning("frame at %s s dropped: the last one was at %s s", frame.time_s, self._now)
             return self._last
-        place = Place(self._trust, self._regions)
-        people, _, forecast = self._detected(self._people, place, frame.select(new), self._now)
+        self._people, _, self._last = self._detected(self._people, self._place, frame.select(new), self._now)
         self._lives += len(frame)
-        self._people, self._last = people, forecast
-        return forecast
+        return self._last
 
     def _detected(
         self, people: People, place: Place, frame: Frame, time_s: float
@@ -379,8 +375,7 @@ class OnlinePredictor:
         """See `pedpred.online.caution`. [R]."""
         if self._about.memory:
             return np.ones(len(rows))
-        young = (people.seen_s - people.born_s)[rows] < YOUNG_S - TIME_TOLERANCE_S
-        new = young | (kept_before(people.past, rows) < NEWBORN)
+        new = have_just_appeared((people.seen_s - people.born_s)[rows], kept_before(people.past, rows))
         if not new.any():
             return np.ones(len(rows))
         noise_m = self._about.tracker.position_noise_m

@@ -59,15 +59,6 @@ class Paper:
     def __post_init__(self) -> None:
         check_ranges(self, {"ade_m": "(0, 1e6]"})
 
-    @classmethod
-    def parse(cls, plain: Mapping[str, Any]) -> Paper:
-        """Build from plain dictionaries.
-
-        Raises:
-            ValueRuleError: a field is unknown or breaks its rule.
-        """
-        return parsed(cls, plain)
-
     def about(self, result: Result) -> bool:
         """Whether the publication says something about a test set."""
         return result.name in self.at.get(result.study, [result.name])
