@@ -134,20 +134,17 @@ def make_table(folder: Path) -> None:
     write_as_table(place(), folder, float_format="%.3f")
 
 
-TABLES = ("walk.csv", "walk.tsv", "walk.txt", "walk.ndjson", "dates.csv")
+TABLES = ("walk.csv", "walk.tsv", "walk.txt", "dates.csv")
 
 
 def make_tables(folder: Path) -> None:
-    """The same people in every format of a single file."""
+    """The same people in every kind of table."""
     rows = [(0.4 * k, who, 0.5 * k, who) for k in range(10) for who in (1, 2)]
     for name, separator in {"walk.csv": ";", "walk.tsv": "\t", "walk.txt": " "}.items():
         lines = [("time", "id", "x", "y"), *rows]
         (folder / name).write_text("\n".join(separator.join(map(str, row)) for row in lines))
     dated = [f"24/12/2026;10:00:0{t:.1f};{who};{x};{y}".replace(".", ",") for t, who, x, y in rows]
     (folder / "dates.csv").write_text("\n".join(["Datum;Uhrzeit;Person;x;y", *dated]))
-    tracks = [{"track": {"f": round(10 * t), "p": who, "x": x, "y": y}} for t, who, x, y in rows]
-    lines = [{"scene": {"id": 0, "fps": 2.5}}, *tracks]
-    (folder / "walk.ndjson").write_text("\n".join(map(json.dumps, lines)))
 
 
 def read_tables(folder: Path) -> object:
@@ -157,7 +154,7 @@ def read_tables(folder: Path) -> object:
 FIELD_TEXTS = (
     *("fcd.xml", "annotations.txt", "00_tracks.csv", "00_tracksMeta.csv", "00_recordingMeta.csv"),
     *("Exp_1_run_1.tsv", "THOR-Magni_120522_SC1A_R1.csv", "postvis.traj", "hall_001.pp", "atc-20121031.csv"),
-    "0013.txt",
+    *("0013.txt", "walk.ndjson"),
 )
 
 
