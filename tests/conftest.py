@@ -71,6 +71,16 @@ def mixture(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def ros2():
+    """Makes messages and bags of ROS 2."""
+    from rosbags.typesys import Stores
+
+    from tests.bags import Store
+
+    return Store(Stores.ROS2_HUMBLE)
+
+
+@pytest.fixture(scope="session")
 def narrow_lstm():
     """Skip on processors whose library has no LSTM with bfloat16 products; training asks for `amx_bf16`."""
     import torch

@@ -10,16 +10,8 @@ from pedpred.errors import SourceError
 from pedpred.ros import read_bag
 from pedpred.ros.planning import HORIZON
 from pedpred.storage.scenes import read_scene, write_map
-from tests.test_bag_definitions import Filled
-from tests.test_bags import Store, check
+from tests.bags import GRID, PEOPLE, Filled, Store, check
 from tests.worlds import walled_scene
-
-GRID, PEOPLE = "nav_msgs/msg/OccupancyGrid", "people_msgs/msg/People"
-
-
-@pytest.fixture(scope="module")
-def ros2():
-    return Store(Stores.ROS2_HUMBLE)
 
 
 def inflated(store, frame="map"):

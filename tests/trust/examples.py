@@ -45,16 +45,12 @@ from pedpred.storage.situations import (
 )
 from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import PictureOptions, read_homography
+from tests.bags import PEOPLE, Filled, Store, moving_bag, repacked, write_mcap
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.field_formats import BINARY, PIXEL_M, RATE_HZ, ROWS, WRITERS
 from tests.forecasts import windows_with
+from tests.robots import from_camera
 from tests.scenes import write_as_table
-from tests.test_bag_definitions import Filled
-from tests.test_bag_definitions import mcap as write_mcap
-from tests.test_bag_frames import from_camera
-from tests.test_bag_frames import messages as moving_messages
-from tests.test_bag_frames import write as write_moving
-from tests.test_bags import Store, repacked
 from tests.test_fetch import write_archive
 from tests.test_sources import write_sequence
 
@@ -312,13 +308,12 @@ def make_compressed(path: Path) -> None:
 
 def make_moving(folder: Path) -> None:
     """People in the frame of a robot that moves."""
-    store = Store(Stores.ROS2_HUMBLE)
-    write_moving(store, folder, moving_messages(store, "camera", from_camera))
+    moving_bag(Store(Stores.ROS2_HUMBLE), folder, "camera", from_camera)
 
 
 def make_ros1(path: Path) -> None:
     """Messages of ROS 1, with definitions, neither in chunks nor with checksums."""
-    write_mcap(Filled(0, ros1=True), path, "people_msgs/msg/People", "ros1", "ros1msg", b"defined")
+    write_mcap(Filled(0, ros1=True), path, PEOPLE, "ros1", "ros1msg", b"defined")
 
 
 def make_archive(folder: Path) -> None:
