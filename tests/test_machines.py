@@ -283,11 +283,10 @@ def test_settings_of_git_that_a_user_has_change_no_test(tmp_path, monkeypatch):
     core = f"[core]\nhooksPath = {executable.parent}\nexcludesFile = {tmp_path / 'ignored'}\n"
     (tmp_path / ".gitconfig").write_text(f"{core}[commit]\ngpgSign = true\n[gpg]\nprogram = false\n")
     monkeypatch.setenv("HOME", str(tmp_path))
-    who = ("-c", "user.name=somebody", "-c", "user.email=some@body")
     for name, environment in (("here", dict(os.environ)), ("there", project.environment())):
         (tmp_path / name).mkdir()
         (tmp_path / name / "picture.png").touch()
-        for command in (("init", "-q"), ("add", "."), (*who, "commit", "-qm", "first")):
+        for command in (("init", "-q"), ("add", "."), ("commit", "-qm", "first")):
             subprocess.run(["git", *command], cwd=tmp_path / name, env=environment, check=True)
 
 
