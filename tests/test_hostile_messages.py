@@ -27,7 +27,8 @@ from pedpred.ros2.identities import Identities
 from pedpred.ros2.log import RosHandler
 from pedpred.ros2.outputs import MARKERS
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
-from tests.test_ros_follower import GRID, PEOPLE, TF, answered, follower_of, people, rows_of
+from tests.bags import GRID, PEOPLE, TF
+from tests.test_ros_follower import answered, follower_of, people, rows_of
 
 SEEDS = st.integers(0, 2**32 - 1)
 ODD = st.sampled_from([0.0, -0.0, 1.0, -3.0, 1e-300, 1e8, 1e9, 1e300, np.inf, -np.inf, np.nan])

@@ -2,6 +2,7 @@
 
 import functools
 import importlib.util
+import json
 import re
 import runpy
 import shlex
@@ -202,18 +203,26 @@ def project(tmp_path_factory):
     return copy
 
 
+@pytest.fixture
+def commanded(folder, model, monkeypatch):
+    """Runs a command of the package there, with an untrained network in place of the trained one."""
+    monkeypatch.setattr(shipped, "_INSTALLED", model[0])
+    monkeypatch.chdir(folder)
+
+    def run(words):
+        force = ["--force"] if words[1] in ("predict", "convert") else []
+        main([*words[1:], *force, *(["--samples", "20"] if words[1] == "evaluate" else [])])
+
+    return run
+
+
 @pytest.mark.parametrize("words", RUN)
 def test_a_command_on_a_page_runs(words, folder, request, monkeypatch):
     """As written, but for replicates, trials and worlds, which are fewer."""
     if begins(words, IN_A_COPY):
         ended = done(request.getfixturevalue("project"), *words)
     elif words[0] == "pedpred":
-        monkeypatch.setattr(
-            shipped, "_INSTALLED", request.getfixturevalue("model")[0]
-        )  # it needs to answer only
-        monkeypatch.chdir(folder)
-        force = ["--force"] if words[1] in ("predict", "convert") else []
-        main([*words[1:], *force, *(["--samples", "20"] if words[1] == "evaluate" else [])])
+        request.getfixturevalue("commanded")(words)
         return
     else:
         assert words[:2] == ["python", "-m"]
@@ -224,6 +233,20 @@ def test_a_command_on_a_page_runs(words, folder, request, monkeypatch):
         runpy.run_module(module, run_name="__main__")
         return
     assert ended.returncode == 0, ended.stderr
+
+
+def test_the_walk_through_measures_what_its_comments_say(folder, commanded):
+    """The same people with and without a map: as far off by simple methods, and not by the network."""
+    if not (folder / "build/errors.json").exists():  # the test before has run these commands
+        for line in blocks(PAGES["docs/recordings.md"], "sh")[0].splitlines():
+            commanded(shlex.split(line, comments=True))
+    figures = json.loads((folder / "build/errors.json").read_text())
+    assert set(figures) == {"hall", "crossing", "all"}
+    for method in ("cv", "kalman_cv"):
+        assert 0.1 < figures["crossing"][method]["ade_m"] < 1.0
+        assert figures["hall"][method]["ade_m"] == figures["crossing"][method]["ade_m"]
+    assert figures["hall"]["network"]["ade_m"] != figures["crossing"]["network"]["ade_m"]
+    assert (folder / "build/hall.mcap").stat().st_size > 0
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Errors of constant velocity at the real places: the pipeline's, and a short script's on the raw files.
+"""Real places: errors of constant velocity are those of a short script, trackers what their command finds.
 
 The script shares no code with the pipeline, only the rows of conf/ on how a place is sensed and tracked.
 """
@@ -15,8 +15,9 @@ from pedpred.evaluation.compare import compare
 from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception, parse_tracker
-from pedpred.simulation.sensor import SensorSettings
+from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.sources import SOURCES
+from pedpred.tracking import KalmanSettings, log_likelihood
 from tests.conftest import ROOT, raw_folder
 from tests.worlds import PLACES
 
@@ -62,17 +63,22 @@ def raw_rows(folder, settings):
     return np.loadtxt(path)[:, :4], rate_hz
 
 
-@pytest.mark.parametrize("name", PLACES)
-def test_the_pipeline_and_a_script_agree(name):
-    place = PLACES[name]
+@pytest.fixture(scope="module", params=PLACES)
+def real(request):
+    """A real place: its name, its row of conf/places, the folder of its raw files, and its scene."""
+    name, place = request.param, PLACES[request.param]
     _, _, data_set, *inside = Path(place["folder"]).parts
     folder = raw_folder(data_set).joinpath(*inside)
+    return name, place, folder, SOURCES[place["source"]](folder, name, place["settings"])
+
+
+def test_the_pipeline_and_a_script_agree(real):
+    _, place, folder, scene = real
     sensor, tracker = SENSORS[place["sensor"]], TRACKERS[place["tracker"]]
     rows, rate_hz = raw_rows(folder, place["settings"])
     every = round(rate_hz / sensor["rate_hz"]) if sensor["rate_hz"] else 1
     expected = script(rows, rate_hz, every, tracker)
 
-    scene = SOURCES[place["source"]](folder, name, place["settings"])
     how = Perception(parse_tracker(tracker), 0.2, SensorSettings(**sensor))
     request = ask_about_windows(scene, how, ForecastProtocol(), memory=False)
     methods = {method: BASELINES[method]() for method in ("cv", "kalman_cv")}
@@ -81,3 +87,17 @@ def test_the_pipeline_and_a_script_agree(name):
         own = scores[method].values["ade_m"]
         assert len(own) == pytest.approx(len(expected), rel=0.01)
         assert own.mean() == pytest.approx(expected[:, column].mean(), rel=0.02)
+
+
+@pytest.mark.parametrize("real", [name for name in PLACES if f"tuned_on_{name}" in TRACKERS], indirect=True)
+def test_the_committed_tracker_is_what_its_command_finds(real):
+    """Perturbing any parameter of the tracker tuned_on_<place> makes the place's detections less likely."""
+    name, place, _, scene = real
+    seen = apply_sensor(scene, SensorSettings(**SENSORS[place["sensor"]]), np.random.default_rng(0))
+    values = {key: value for key, value in TRACKERS[f"tuned_on_{name}"].items() if key != "kind"}
+    best = log_likelihood(seen.trajectories, KalmanSettings(**values), 8)
+    best += 1e-6 if place["source"] == "eth_ucy" else 1e-7  # splines have hardly any noise to be found
+    for key, value in values.items():
+        for factor in (0.95, 1.05):
+            other = KalmanSettings(**values | {key: value * factor})
+            assert log_likelihood(seen.trajectories, other, 8) < best, (key, factor)

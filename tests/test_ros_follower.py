@@ -25,11 +25,11 @@ from pedpred.ros2.log import guarded
 from pedpred.ros2.outputs import MARKERS, output_types
 from pedpred.ros2.settings import LIVE, NodeSettings, described, fields_of, unchangeable
 from pedpred.scenes import OccupancyMap, Predictions
+from tests.bags import GRID, PEOPLE, TF
+from tests.robots import STANDING, from_robot, robot
 
-PEOPLE, BOXES = "people_msgs/msg/People", "vision_msgs/msg/Detection3DArray"
+BOXES = "vision_msgs/msg/Detection3DArray"
 AGENTS = "pedsim_msgs/msg/AgentStates"
-GRID, TF = "nav_msgs/msg/OccupancyGrid", "tf2_msgs/msg/TFMessage"
-STANDING = np.array([3.0, 2.0, 0.0])
 NOWHERE = np.array([np.nan, 0.0, 0.0])
 
 
@@ -60,15 +60,6 @@ def transforms(*poses):
     return serialize(TF, {"transforms": list(poses)})
 
 
-def robot(time_s):
-    return Rotation.from_euler("z", 0.4 * time_s), np.array([0.8 * time_s, 0.3 * np.sin(time_s), 0.0])
-
-
-def seen(place, time_s):
-    turn, offset = robot(time_s)
-    return turn.inv().apply(place - offset)
-
-
 def answered(follower, raw, now_s=0.0):
     """Topic -> content of the answers to a message of people."""
     follower.people_came(raw, 10**9, now_s)
@@ -97,7 +88,7 @@ def test_who_stands_has_no_speed_seen_from_a_robot_that_drives_and_turns():
     for k in range(25):
         at_s = 100.0 + k / 10
         follower.transforms_came(transforms(transform("map", "base_link", *robot(at_s), at_s)), at_s, False)
-        answers = answered(follower, people(at_s, "base_link", eve=seen(STANDING, at_s)))
+        answers = answered(follower, people(at_s, "base_link", eve=from_robot(STANDING, at_s)))
         (eve,) = answers["predictions/people"]["people"]
         assert np.hypot(*eve["velocity"].values()) < 0.05
         np.testing.assert_allclose(list(eve["position"].values()), STANDING[:2], atol=0.05)
@@ -117,7 +108,7 @@ def test_nobody_moves_because_the_localisation_jumps(identities, jump_m, jump_ra
         )
         follower.transforms_came(moved, at_s, False)
         walking = np.array([8.0 - 0.1 * k, 3.0, 0.0])
-        places = {"1": seen(STANDING, at_s), "2": seen(walking, at_s)}
+        places = {"1": from_robot(STANDING, at_s), "2": from_robot(walking, at_s)}
         answers = answered(follower, people(at_s, "base_link", **places))
         eve, bob = answers["predictions/people"]["people"]
         assert (eve["name"], bob["name"]) == ("1", "2")
@@ -138,7 +129,7 @@ def test_a_localisation_that_jumps_at_every_message_costs_nobody_the_id(caplog):
             transform("map", "odom", robot(0)[0], shift, at_s),
         )
         follower.transforms_came(transforms(*poses), at_s, False)
-        answers = answered(follower, people(at_s, "base_link", eve=seen(STANDING, at_s)))
+        answers = answered(follower, people(at_s, "base_link", eve=from_robot(STANDING, at_s)))
         (eve,) = answers["predictions/people"]["people"]
         assert eve["name"] == "eve"
     assert "ids do not stay" not in caplog.text
@@ -227,7 +218,7 @@ def test_odometry_is_where_the_base_moves_whatever_it_is_called(odometry, base, 
         if not odometry:
             poses = [transform("map", base, *robot(at_s), at_s)]
         follower.transforms_came(transforms(*poses), at_s, False)
-        here = STANDING if frame == odometry else seen(STANDING, at_s)
+        here = STANDING if frame == odometry else from_robot(STANDING, at_s)
         (eve,) = answered(follower, people(at_s, frame, eve=here))["predictions/people"]["people"]
         assert np.hypot(*eve["velocity"].values()) < 0.05
 
@@ -241,11 +232,11 @@ def test_people_of_a_second_camera_are_forecast_whichever_stamps_come_first(behi
         lies = Rotation.identity(), np.array([0.4 * (k > 25), 0.0, 0.0])
         pose = transform("map", "odom", *lies, at_s), transform("odom", "base_link", *robot(at_s), at_s)
         follower.transforms_came(transforms(*pose), at_s, False)
-        answered(follower, people(at_s, "base_link", eve=seen(STANDING, at_s)))
+        answered(follower, people(at_s, "base_link", eve=from_robot(STANDING, at_s)))
         if k < 3:
             continue
         walking = np.array([8.0 - late_s + 100.0, 3.0, 0.0])
-        answers = answered(follower, people(late_s, "base_link", bob=seen(walking, late_s)))
+        answers = answered(follower, people(late_s, "base_link", bob=from_robot(walking, late_s)))
         told = {one["name"]: one["velocity"]["x"] for one in answers["predictions/people"]["people"]}
         assert told.keys() == {"eve", "bob"}
         if k > 10:
@@ -265,7 +256,7 @@ def test_people_wait_for_the_transform_of_their_time():
     follower = follower_of(transform_timeout_s=0.2)
     follower.transforms_came(transforms(transform("map", "base_link", *robot(100.0), 100.0)), 100.0, False)
     follower.transforms_came(transforms(transform("map", "base_link", *robot(100.1), 100.1)), 100.1, False)
-    assert answered(follower, people(100.2, "base_link", eve=seen(STANDING, 100.2)), 0.0) == {}
+    assert answered(follower, people(100.2, "base_link", eve=from_robot(STANDING, 100.2)), 0.0) == {}
     follower.transforms_came(transforms(transform("map", "base_link", *robot(100.3), 100.3)), 100.3, False)
     (first, *_) = follower.answers(0.1)
     x, y = rows_of(first.content)[["x", "y"]][0]
