@@ -60,5 +60,5 @@ def _moving_shares(predictor: OnlinePredictor, request: ForecastRequest) -> np.n
     tracks, row = request.past, request.rows
     first = row - tracks.age[row]
     new = have_just_appeared(tracks.time_s[row] - tracks.time_s[first], tracks.kept_before(row))
-    noise_m = predictor.description.tracker.position_noise_m
+    noise_m = max(predictor.description.tracker.position_noise_m, predictor.settings.detection_noise_m)
     return moving_shares(tracks.detection[first], tracks.detection[row], new, tracks.covariance[row], noise_m)

@@ -378,7 +378,7 @@ class OnlinePredictor:
         new = have_just_appeared((people.seen_s - people.born_s)[rows], kept_before(people.past, rows))
         if not new.any():
             return np.ones(len(rows))
-        noise_m = self._about.tracker.position_noise_m
+        noise_m = max(self._about.tracker.position_noise_m, self.settings.detection_noise_m)
         last = people.detection[rows]
         first = earliest(people.past, rows, last)
         return moving_shares(first, last, new, people.covariance[rows], noise_m)
