@@ -138,6 +138,16 @@ def test_an_mcap_bag_with_one_topic_of_people_needs_no_topic(capsys):
     assert capsys.readouterr().out == without
 
 
+def test_a_recording_without_obstacles_says_so_before_it_is_forecast(caplog, capsys, tmp_path):
+    bag, out = str(ROOT / "examples/corner/people.mcap"), str(tmp_path / "out.csv")
+    main(["info", bag])
+    assert "no obstacles are known" in capsys.readouterr().out
+    for options, expected in (([], True), (["--no-map"], False)):
+        caplog.clear()
+        main(["predict", bag, "-o", out, "--force", *options])
+        assert ("--map" in caplog.text) == expected
+
+
 def test_info_tells_about_several_scenes(scene, capsys):
     main(["info", str(scene), str(ROOT / "examples/crossing")])
     names = [line.split()[1] for line in capsys.readouterr().out.splitlines() if "name  " in line]

@@ -55,7 +55,9 @@ def info(arguments: argparse.Namespace) -> None:
         "detections": f"{len(trajectories)} of {tracks} tracks, {instants} instants",
         "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:.3g} s between two detections",
         "map": f"{width:.1f} m x {height:.1f} m, cells of {occupancy.resolution_m:g} m, "
-        f"{100 * occupancy.occupied.mean():.1f} % occupied",
+        f"{100 * occupancy.occupied.mean():.1f} % occupied"
+        if occupancy.occupied.any()
+        else "no obstacles are known",
         "on the map": str(placement(trajectories.position, occupancy)),
         "also known": ", ".join(known) or "nothing",
         "camera": "yes" if scene.camera else "no",
@@ -105,6 +107,13 @@ def read_given(arguments: argparse.Namespace, names: TrackNames | None = None) -
         scene = replace(scene, occupancy=OccupancyMap.free_around(scene.trajectories.position))
     checked_placement(scene)
     return scene
+
+
+def warn_without_obstacles(scene: Scene, arguments: argparse.Namespace) -> None:
+    """Say that forecasts will go through walls, unless the arguments say that there are none."""
+    if not (scene.occupancy.occupied.any() or arguments.no_map):
+        remedy = "Name a map with --map, or say --no-map"
+        _log.warning("%s has no obstacles: forecasts go through walls. %s", scene.name, remedy)
 
 
 def _options(arguments: argparse.Namespace) -> TableOptions:
