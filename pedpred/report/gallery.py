@@ -103,15 +103,7 @@ def _chosen_instants(
     crowd: int,
     methods: Methods,
 ) -> list[Section]:
-    """Instants of each place; places without a camera picture share theirs.
-
-    Args:
-        forecast: place -> scene -> windows.
-        endings: of the names of pictures, by place.
-        scenes: of all places, by name.
-        crowd: least number of moving people.
-        methods: see `snapshot_figure`.
-    """
+    """Instants of each place, by place -> scene -> windows; those without a camera picture share theirs."""
     shared: dict[str, dict[str, EvaluationWindows]] = {}
     for place, windows in forecast.items():
         seen = any(scenes[name].camera for name in windows)

@@ -14,7 +14,7 @@ from pedpred.report.curves import read_curve
 from pedpred.report.document import Block, Section, Text
 from pedpred.report.findings import Paper
 from pedpred.report.gallery import Evaluated
-from pedpred.report.measures import Figures, read_metrics, results_of
+from pedpred.report.measures import read_metrics, results_of
 from pedpred.report.methods import Methods
 from pedpred.report.sections import (
     READING,
@@ -54,12 +54,12 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
         StorageError: a file is missing or damaged.
         ValueRuleError: a test set has no metrics, or the study tests sets of several kinds.
     """
-    tested = [entry.split("/") for fold in folds.values() for entry in fold["test"]]
-    kinds, named = sorted({kind for kind, _ in tested}), [name for _, name in tested]
+    kinds = {entry.split("/")[0] for fold in folds.values() for entry in fold["test"]}
     if len(kinds) != 1:
-        raise ValueRuleError(f"folds.{study}", kinds, "a study tests sets of one kind")
-    kind = kinds[0]
+        raise ValueRuleError(f"folds.{study}", sorted(kinds), "a study tests sets of one kind")
+    (kind,) = kinds
     folder = root / "data/scenes" / kind
+    named = [entry.split("/")[1] for fold in folds.values() for entry in fold["test"]]
     sets = {path.name: list(read_scenes(path)) for path in sorted(folder.iterdir()) if path.is_dir()}
     names = scene_names(named, sets)
     missing = {
@@ -68,29 +68,6 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
         if all(scene.unavailable for scene in scenes)
     }
     metrics = read_metrics(root / f"reports/metrics/{study}.json")
-    windows = _forecasts(root, folds, metrics, names)
-    if not windows and any(name not in missing for name in named):
-        raise StorageError(root / "data/forecasts", "forecasts", f"there are none of the study {study}")
-    dt_s = next((recorded.dt_s for recorded in windows.values()), 0.0)
-    results = results_of(metrics, folds.values(), study, dt_s, [f"{kind}/{name}" for name in missing])
-    scenes = {
-        name: [replace(scene, name=names.get((name, scene.name), scene.name)) for scene in sets[name]]
-        for name in [*(result.name for result in results), *sets]
-        if name not in missing
-    }
-    tables = sorted((root / "reports/curves" / study).glob("*.tsv"))
-    curves = {table.stem: curve for table in tables if len(curve := read_curve(table))}  # not of copies
-    autoencoder = read_autoencoder(root / "models/autoencoder")[0]
-    return Evaluated(study, kind, results, scenes, windows, curves, autoencoder, missing)
-
-
-def _forecasts(
-    root: Path,
-    folds: Mapping[str, Mapping[str, Any]],
-    metrics: Mapping[str, Figures],
-    names: Mapping[tuple[str, str], str],
-) -> dict[str, EvaluationWindows]:
-    """Read the forecasts of the methods in the metrics, by the scene's name on the page, in its order."""
     windows: dict[str, EvaluationWindows] = {}
     for name, fold in folds.items():
         networks = f"folds/{name}" if "train" in fold else "main"
@@ -98,7 +75,20 @@ def _forecasts(
             tested = at.split("/")[1]
             found = read_forecasts(root, networks, at, metrics.get(tested, {}))
             windows |= {names.get((tested, scene), scene): forecasts for scene, forecasts in found.items()}
-    return {scene: windows[scene] for scene in sorted(windows)}
+    windows = {scene: windows[scene] for scene in sorted(windows)}
+    if not windows and any(name not in missing for name in named):
+        raise StorageError(root / "data/forecasts", "forecasts", f"there are none of the study {study}")
+    dt_s = next((recorded.dt_s for recorded in windows.values()), 0.0)
+    results = results_of(metrics, folds.values(), study, dt_s, [f"{kind}/{name}" for name in missing])
+    sets = {
+        name: [replace(scene, name=names.get((name, scene.name), scene.name)) for scene in scenes]
+        for name, scenes in sets.items()
+    }
+    scenes = {name: sets[name] for name in [*(r.name for r in results), *sets] if name not in missing}
+    tables = sorted((root / "reports/curves" / study).glob("*.tsv"))
+    curves = {table.stem: curve for table in tables if len(curve := read_curve(table))}  # not of copies
+    autoencoder = read_autoencoder(root / "models/autoencoder")[0]
+    return Evaluated(study, kind, results, scenes, windows, curves, autoencoder, missing)
 
 
 def scene_names(tested: Sequence[str], sets: Mapping[str, Sequence[Scene]]) -> dict[tuple[str, str], str]:

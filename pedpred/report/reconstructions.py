@@ -34,7 +34,7 @@ def reconstructions_section(
     if not len(crops):
         return []
     images, agreement = reconstruct(autoencoder, crops)
-    few = _evenly(len(crops), SHOWN)
+    few = np.unique(np.linspace(0, len(crops) - 1, SHOWN).round().astype(int))
     caption = (
         f"Obstacle grids of test places, {len(few)} at evenly spaced ranks of occupied share, and their "
         "reconstructions. Intersection over union of occupied cells: median "
@@ -56,13 +56,8 @@ def choose_evenly(scenes: Mapping[str, EvaluationWindows], count: int) -> np.nda
     order = order[occupied[order] >= LEAST_SHARE * 8 * windows[0].packed_grid.shape[1]]
     if not len(order):
         return np.zeros((0, 0, 0), bool)
-    chosen = (rows[index] for index in order[_evenly(len(order), count)])
-    return np.array([scene.grid(row) for scene, row in chosen])
-
-
-def _evenly(ranks: int, count: int) -> np.ndarray:
-    """Choose at most `count` of so many ranks, evenly spaced, with both ends. [<= count] int."""
-    return np.unique(np.linspace(0, ranks - 1, count).round().astype(int))
+    ranks = np.unique(np.linspace(0, len(order) - 1, count).round().astype(int))
+    return np.array([scene.grid(row) for scene, row in (rows[index] for index in order[ranks])])
 
 
 @torch.no_grad()
