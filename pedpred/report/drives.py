@@ -244,8 +244,8 @@ def drives_table(figures: Figures) -> Table:
 
 
 _KINDS = {
-    "helps": "The episode in which the network's modes avoid most",
-    "hinders": "The episode in which they avoid least",
+    "helps": "The episode chosen as the best for the network's modes beside the Kalman filter",
+    "hinders": "The one chosen as the worst: by collisions at fault, then all collisions, then time",
     "usual": "The episode in the middle",
 }
 

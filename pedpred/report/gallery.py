@@ -122,8 +122,8 @@ def _chosen_instants(
 
 def _legend(windows: Sequence[EvaluationWindows], methods: Methods) -> str:
     return (
-        "Circles: people, the one in focus is filled; arrows: the way of the present velocity in "
-        f"{ARROW_S} s; large dots: point forecast of the {methods.main.label}; "
+        "Circles: people, the one in focus is filled; arrows: displacement in "
+        f"{ARROW_S} s at the present velocity; large dots: point forecast of the {methods.main.label}; "
         f"{reading_of_modes(windows, methods.main)}small dots: forecast of the "
         f"{methods.reference.label}; dashed: the true path; empty grey circles: people without an evaluation "
         "window."
@@ -138,7 +138,7 @@ def _calibration(
     if not with_covariances(everywhere, methods):
         return []
     where = results[0].place if len(results) == 1 else f"{len(results)} places together"
-    caption = f"Expected and observed coverage of error ellipses, {where}."
+    caption = f"Expected and observed coverage of regions, {where}."
     return [Picture("calibration", caption, calibration_figure(everywhere, where, methods))]
 
 

@@ -25,8 +25,8 @@ READING = (
     "ADE: distance to the true position, averaged over all steps; FDE: at the last step; intervals: "
     "bootstrap over tracks; in obstacles: share of forecast positions; collisions: share of forecasts that "
     "come closer to another one than the collision distance. Where a method gives several weighted paths, "
-    "minADE6 is the ADE of the best of the six most likely ones, and NLL the negative log likelihood of the "
-    "true positions, lower is better."
+    "minADE6 is the ADE of the best of the six most likely ones, a miss is a best one of these that ends "
+    "more than 2 m off, and NLL the negative log likelihood of the true positions, lower is better."
 )
 CALIBRATION = (
     "Some methods give a probability density of the position at every step: a Gaussian, or several weighted "
@@ -128,7 +128,7 @@ def below_in(scenes: Sequence[Figures], methods: Methods) -> str:
 def calibration_section(
     results: Sequence[Result], methods: Methods, pictures: Sequence[Picture]
 ) -> list[Section]:
-    """Coverage of the error ellipses; nothing where no method gives covariances."""
+    """Coverage of the regions; nothing where no method gives covariances."""
     tables = [(result, calibration_table(result, methods)) for result in results]
     blocks: list[Block] = [Section(result.title, [table]) for result, table in tables if table]
     if not blocks:

@@ -85,7 +85,7 @@ def calibration_table(result: Result, methods: Methods) -> Table | None:
         return None
     steps = shown_steps(len(result.figures[names[0]]["per_step_nll"]))
     times = " / ".join(f"{(step + 1) * result.dt_s:.1f}" for step in steps)
-    regions = [f"in the {100 * share:.0f} % ellipse [%]" for share in REGIONS]
+    regions = [f"in the {100 * share:.0f} % region [%]" for share in REGIONS]
     rows = []
     for name in names:
         metrics = result.figures[name]
