@@ -3,6 +3,7 @@
 The script shares no code with the pipeline, only the rows of conf/ on how a place is sensed and tracked.
 """
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from tests.worlds import PLACES
 
 SENSORS = yaml.safe_load((ROOT / "conf/sensors/detectors.yaml").read_text())
 TRACKERS = yaml.safe_load((ROOT / "conf/trackers/kalman.yaml").read_text())
+REPORTED = json.loads((ROOT / "reports/metrics/real.json").read_text())
 AHEAD_S = 0.3 * np.arange(1, 11)
 
 
@@ -72,8 +74,8 @@ def real(request):
     return name, place, folder, SOURCES[place["source"]](folder, name, place["settings"])
 
 
-def test_the_pipeline_and_a_script_agree(real):
-    _, place, folder, scene = real
+def test_the_pipeline_agrees_with_a_script_and_with_what_is_reported(real):
+    name, place, folder, scene = real
     sensor, tracker = SENSORS[place["sensor"]], TRACKERS[place["tracker"]]
     rows, rate_hz = raw_rows(folder, place["settings"])
     every = round(rate_hz / sensor["rate_hz"]) if sensor["rate_hz"] else 1
@@ -87,6 +89,9 @@ def test_the_pipeline_and_a_script_agree(real):
         own = scores[method].values["ade_m"]
         assert len(own) == pytest.approx(len(expected), rel=0.01)
         assert own.mean() == pytest.approx(expected[:, column].mean(), rel=0.02)
+    reported, ours = REPORTED[name]["cv"], scores["cv"]
+    assert (len(ours.track), len(np.unique(ours.track))) == (reported["windows"], reported["tracks"])
+    assert ours.values["ade_m"].mean() == pytest.approx(reported["ade_m"], abs=2e-5)
 
 
 @pytest.mark.parametrize("real", [name for name in PLACES if f"tuned_on_{name}" in TRACKERS], indirect=True)
