@@ -28,7 +28,7 @@ from pedpred.ros2.log import RosHandler
 from pedpred.ros2.outputs import MARKERS
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
 from tests.bags import GRID, PEOPLE, TF
-from tests.test_ros_follower import answered, follower_of, people, rows_of
+from tests.following import answered, follower_of, grid, people, rows_of
 
 SEEDS = st.integers(0, 2**32 - 1)
 ODD = st.sampled_from([0.0, -0.0, 1.0, -3.0, 1e-300, 1e8, 1e9, 1e300, np.inf, -np.inf, np.nan])
@@ -164,19 +164,11 @@ def test_what_a_predictor_refuses_has_never_been(calls, seed):
         np.testing.assert_array_equal(found.predictions.path, expected.predictions.path)
 
 
-def grid(width=4, height=3, values=None, yaw_rad=0.0, resolution=0.5, **position):
-    turn = {"z": float(np.sin(yaw_rad / 2)), "w": float(np.cos(yaw_rad / 2))}
-    origin = {"position": position, "orientation": turn}
-    info = {"resolution": resolution, "width": width, "height": height, "origin": origin}
-    data = np.zeros(width * height if values is None else values, np.int8)
-    return serialize(GRID, {"header": header(0, "map"), "info": info, "data": data})
-
-
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.3])
 @pytest.mark.parametrize(
     "odd",
     [
-        {"width": 0},
+        {"width": 0, "values": 0},
         {"width": 20_000, "height": 20_000, "values": 10},
         {"values": 11},
         {"values": 13},
@@ -193,12 +185,13 @@ def grid(width=4, height=3, values=None, yaw_rad=0.0, resolution=0.5, **position
 )
 def test_a_map_that_is_none_is_refused_and_the_one_before_stays(odd, yaw_rad):
     follower = follower_of(use_map=True)
-    follower.map_came(grid())
-    before = follower.occupancy
+    follower.map_came(grid(np.zeros((3, 4))))
+    before, about = follower.occupancy, {"width": 4, "height": 3} | odd
+    cells, corner = np.zeros((1, about.pop("values", 12))), {"x": about.pop("x", 0.0)}
     with pytest.raises(PedpredError):
-        follower.map_came(grid(**odd, yaw_rad=yaw_rad))
+        follower.map_came(grid(cells, yaw_rad, position=corner, **about))
     assert follower.occupancy is before
-    follower.map_came(grid(width=1, height=1))
+    follower.map_came(grid(np.zeros((1, 1))))
     assert follower.occupancy.occupied.shape == (1, 1)
 
 
@@ -476,7 +469,7 @@ def test_the_cells_of_predicted_occupancy_are_never_too_many(width, height, side
 
 def test_a_large_map_has_larger_cells_and_the_log_says_so(caplog):
     follower = follower_of(use_map=True, occupancy_cell_m=0.01)
-    follower.map_came(grid(100, 100))
+    follower.map_came(grid(np.zeros((100, 100))))
     answers = answered(follower, named(1.0, "7"))
     assert answers["predicted_occupancy/horizon"]["info"]["resolution"] > 0.01
     assert "the map is large for smaller ones" in caplog.text

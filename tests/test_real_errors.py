@@ -3,6 +3,7 @@
 The script shares no code with the pipeline, only the rows of conf/ on how a place is sensed and tracked.
 """
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +18,13 @@ from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception, parse_tracker
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.sources import SOURCES
-from pedpred.tracking import KalmanSettings, log_likelihood
+from pedpred.tracking import KalmanBank, KalmanSettings, log_likelihood
 from tests.conftest import ROOT, raw_folder
 from tests.worlds import PLACES
 
 SENSORS = yaml.safe_load((ROOT / "conf/sensors/detectors.yaml").read_text())
 TRACKERS = yaml.safe_load((ROOT / "conf/trackers/kalman.yaml").read_text())
+REPORTED = json.loads((ROOT / "reports/metrics/real.json").read_text())
 AHEAD_S = 0.3 * np.arange(1, 11)
 
 
@@ -72,21 +74,28 @@ def real(request):
     return name, place, folder, SOURCES[place["source"]](folder, name, place["settings"])
 
 
-def test_the_pipeline_and_a_script_agree(real):
-    _, place, folder, scene = real
+def scored(scene, place, tracker):
+    """Scores of constant velocity, the last step's and the tracker's, as the pipeline measures them."""
+    how = Perception(tracker, 0.2, SensorSettings(**SENSORS[place["sensor"]]))
+    request = ask_about_windows(scene, how, ForecastProtocol(), memory=False)
+    _, scores = compare(request, {m: BASELINES[m]() for m in ("cv", "kalman_cv")}, EvaluationSettings())
+    return scores
+
+
+def test_the_pipeline_agrees_with_a_script_and_with_what_is_reported(real):
+    """The script runs the tuned filter alone; what is reported learns each person's noise from there."""
+    name, place, folder, scene = real
     sensor, tracker = SENSORS[place["sensor"]], TRACKERS[place["tracker"]]
     rows, rate_hz = raw_rows(folder, place["settings"])
     every = round(rate_hz / sensor["rate_hz"]) if sensor["rate_hz"] else 1
-    expected = script(rows, rate_hz, every, tracker)
-
-    how = Perception(parse_tracker(tracker), 0.2, SensorSettings(**sensor))
-    request = ask_about_windows(scene, how, ForecastProtocol(), memory=False)
-    methods = {method: BASELINES[method]() for method in ("cv", "kalman_cv")}
-    _, scores = compare(request, methods, EvaluationSettings())
-    for column, method in enumerate(methods):
-        own = scores[method].values["ade_m"]
-        assert len(own) == pytest.approx(len(expected), rel=0.01)
-        assert own.mean() == pytest.approx(expected[:, column].mean(), rel=0.02)
+    expected, tuned = script(rows, rate_hz, every, tracker), parse_tracker(tracker)
+    for column, own in enumerate(scored(scene, place, tuned).values()):
+        assert len(own.track) == pytest.approx(len(expected), rel=0.01)
+        assert own.values["ade_m"].mean() == pytest.approx(expected[:, column].mean(), rel=0.02)
+    for method, own in scored(scene, place, KalmanBank.around(tuned)).items():
+        reported = REPORTED[name][method]
+        assert (len(own.track), len(np.unique(own.track))) == (reported["windows"], reported["tracks"])
+        assert own.values["ade_m"].mean() == pytest.approx(reported["ade_m"], abs=2e-5)
 
 
 @pytest.mark.parametrize("real", [name for name in PLACES if f"tuned_on_{name}" in TRACKERS], indirect=True)

@@ -15,7 +15,7 @@ from pedpred.ros.assignment import NearestTracks
 from pedpred.ros.frame_tree import FrameTree
 from pedpred.ros.message_types import known_types, serialize
 from pedpred.ros.people import ADAPTERS
-from pedpred.ros.planning import HORIZON, ROW, grid_messages
+from pedpred.ros.planning import HORIZON, grid_messages
 from pedpred.ros.scene_messages import header, map_message
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
 from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
@@ -26,48 +26,12 @@ from pedpred.ros2.outputs import MARKERS, output_types
 from pedpred.ros2.settings import LIVE, NodeSettings, described, fields_of, unchangeable
 from pedpred.scenes import OccupancyMap, Predictions
 from tests.bags import GRID, PEOPLE, TF
+from tests.following import answered, follower_of, grid, people, rows_of, transform, transforms
 from tests.robots import STANDING, from_robot, robot
 
 BOXES = "vision_msgs/msg/Detection3DArray"
 AGENTS = "pedsim_msgs/msg/AgentStates"
 NOWHERE = np.array([np.nan, 0.0, 0.0])
-
-
-def follower_of(**values):
-    settings = NodeSettings(**{"use_map": False} | values)
-    return Follower(OnlinePredictor.load(None, settings.online()), settings, clock=lambda: 0.0)
-
-
-def people(time_s, frame="map", **places):
-    here = [
-        {"name": name, "position": dict(zip("xyz", map(float, (*at, 0.0)[:3]), strict=True))}
-        for name, at in places.items()
-    ]
-    return serialize(PEOPLE, {"header": header(round(time_s * 1e9), frame), "people": here})
-
-
-def transform(parent, child, turn, offset, time_s=0.0):
-    rotation = dict(zip("xyzw", map(float, turn.as_quat()), strict=True))
-    translation = dict(zip("xyz", map(float, offset), strict=True))
-    return {
-        "header": header(round(time_s * 1e9), parent),
-        "child_frame_id": child,
-        "transform": {"translation": translation, "rotation": rotation},
-    }
-
-
-def transforms(*poses):
-    return serialize(TF, {"transforms": list(poses)})
-
-
-def answered(follower, raw, now_s=0.0):
-    """Topic -> content of the answers to a message of people."""
-    follower.people_came(raw, 10**9, now_s)
-    return {answer.topic: answer.content for answer in follower.answers(now_s)}
-
-
-def rows_of(cloud):
-    return np.frombuffer(cloud["data"].tobytes(), ROW)
 
 
 def test_every_answer_is_a_message_of_its_type():
@@ -440,11 +404,6 @@ def test_a_map_without_a_frame_silences_nobody(caplog):
 def test_an_update_changes_its_cells_of_the_map_and_no_others(yaw_rad):
     """As if the map had come whole, also where it is turned; one that does not fit changes nothing."""
     cells = np.zeros((6, 8), np.int8)
-    turn = {"z": float(np.sin(yaw_rad / 2)), "w": float(np.cos(yaw_rad / 2))}
-    info = {"resolution": 0.5, "width": 8, "height": 6, "origin": {"orientation": turn}}
-
-    def grid(cells):
-        return serialize(GRID, {"header": header(0, "map"), "info": info, "data": cells.ravel()})
 
     def update(x, y, values, frame="map"):
         sizes = {"x": x, "y": y, "width": values.shape[1], "height": values.shape[0]}
@@ -457,10 +416,10 @@ def test_an_update_changes_its_cells_of_the_map_and_no_others(yaw_rad):
     )
     follower.map_update_came(update(0, 0, part))
     assert follower.occupancy is None
-    follower.map_came(grid(cells))
+    follower.map_came(grid(cells, yaw_rad))
     follower.map_update_came(update(4, 1, part))
     cells[1:3, 4:7] = 100
-    plain.map_came(grid(cells))
+    plain.map_came(grid(cells, yaw_rad))
     np.testing.assert_array_equal(follower.occupancy.occupied, plain.occupancy.occupied)
     wrong = update(6, 1, part), update(0, 5, part), update(-1, 0, part), update(0, 0, part, "odom")
     for odd in (*wrong, update(0, 0, 0 * part - 100)):
@@ -470,7 +429,7 @@ def test_an_update_changes_its_cells_of_the_map_and_no_others(yaw_rad):
     before = follower.occupancy
     follower.map_update_came(update(4, 1, part - 1))
     assert follower.occupancy is before  # what blocks is the same
-    follower.map_came(grid(0 * cells))  # the same bytes as at first
+    follower.map_came(grid(0 * cells, yaw_rad))  # the same bytes as at first
     assert not follower.occupancy.occupied.any()
 
 

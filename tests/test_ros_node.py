@@ -27,10 +27,11 @@ from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE
 from pedpred.ros2.follower import UPDATE_TYPE
 from pedpred.ros2.outputs import MARKERS_TYPE, PEOPLE_TYPE, TEXT_TYPE
 from tests.bags import GRID, TF
+from tests.following import grid
+from tests.following import people as people_bytes
+from tests.following import transform as pose
+from tests.following import transforms as transforms_bytes
 from tests.robots import CAMERA, ODOM, SPEED, STANDING, WALKING, from_camera, robot
-from tests.test_ros_follower import people as people_bytes
-from tests.test_ros_follower import transform as pose
-from tests.test_ros_follower import transforms as transforms_bytes
 
 ROOT = Path(__file__).parents[1]
 if not os.environ.get("PEDPRED_REQUIRE_ROS"):
@@ -182,10 +183,7 @@ def room(yaw_rad=0.0, frame="map"):
     """10 x 6 m with a wall at its left edge, turned about its corner at (-1, -3)."""
     cells = np.zeros((60, 100), np.int8)
     cells[:, :3] = 100
-    turn = {"z": float(np.sin(yaw_rad / 2)), "w": float(np.cos(yaw_rad / 2))}
-    origin = {"position": {"x": -1.0, "y": -3.0}, "orientation": turn}
-    info = {"resolution": 0.1, "width": 100, "height": 60, "origin": origin}
-    return serialize(GRID, {"header": header(0, frame), "info": info, "data": cells.ravel()}).hex()
+    return grid(cells, yaw_rad, frame, resolution=0.1, position={"x": -1.0, "y": -3.0}).hex()
 
 
 def rows_of(cloud):
