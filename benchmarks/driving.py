@@ -30,7 +30,7 @@ from benchmarks.timing import tell
 from pedpred.command.arguments import parser as command_parser
 from pedpred.command.conversion import read_given
 from pedpred.driving.episodes import Recording
-from pedpred.driving.figures import Episodes, equal_time
+from pedpred.driving.figures import Episodes, equal_time, share_interval
 from pedpred.driving.runs import Places
 from pedpred.driving.table import Row, write_table
 from pedpred.driving.worlds import KINDS, REACTIONS, Worlds
@@ -69,7 +69,7 @@ def condition_rows(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
     episodes = Episodes.of(rows)
     for condition in episodes.conditions:
         fault, value = episodes.at_fault(condition), {k: v[condition] for k, v in episodes.value.items()}
-        low, high = episodes.draw.interval(fault)
+        low, high = share_interval(fault)
         yield {
             "variant": condition.method,
             "limit": condition.risk,
