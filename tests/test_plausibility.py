@@ -246,7 +246,7 @@ def test_jumps_and_running_are_warned_about(tmp_path, caplog):
     check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk / 0.3048), sure=True)
     assert "which is running" in caplog.text
     assert "--unit" not in caplog.text
-    check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk / 0.3048), by_format=True)
+    check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk / 0.3048), sure=True, fixed="m")
     assert "are lengths ft in place of metres?" in caplog.text
     walk[300] = 0.0
     check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk))

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from mcap.writer import MCAP0_MAGIC
@@ -52,7 +53,7 @@ def info(arguments: argparse.Namespace) -> None:
     width, height = occupancy.extent_m
     lines = {
         "name": scene.name,
-        "read as": _kind(arguments),
+        "read as": _read_as(arguments),
         "detections": f"{len(trajectories)} of {tracks} tracks, {instants} instants",
         "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:.3g} s between two detections",
         "map": f"{width:.1f} m x {height:.1f} m, cells of {occupancy.resolution_m:g} m, "
@@ -71,7 +72,7 @@ def convert(arguments: argparse.Namespace) -> None:
             "output", str(arguments.output), "a name ends in .mcap, or has no dot, as that of a scene folder"
         )
     scene = read_given(arguments)
-    if _is_tracks(arguments.scene):
+    if _kind_of(arguments.scene) == "tracks":
         scene = replace(scene, name=arguments.output.stem)
     _log.info("%s: %s", scene.name, placement(scene.trajectories.position, scene.occupancy))
     if arguments.output.suffix == ".mcap":
@@ -120,7 +121,7 @@ def _options(arguments: argparse.Namespace) -> TableOptions:
         options = TableOptions(columns, arguments.rate, arguments.unit, arguments.scale, classes=classes)
     if arguments.homography is None:
         return options
-    if not _is_tracks(arguments.scene) or not format_of(arguments.scene, options).pixels:
+    if _kind_of(arguments.scene) != "tracks" or not format_of(arguments.scene, options).pixels:
         rule = f"the positions in {arguments.scene} are not pixels"
         raise ValueRuleError("--homography", str(arguments.homography), rule)
     with _with_options_for_fields():
@@ -137,27 +138,26 @@ def _with_options_for_fields() -> Iterator[None]:
         raise ValueRuleError(option, cause.value, cause.rule) from cause
 
 
-def _kind(arguments: argparse.Namespace) -> str:
+def _read_as(arguments: argparse.Namespace) -> str:
     """The format as which the scene was read."""
-    if arguments.scene.is_dir() and not is_bag(arguments.scene):
-        return "scene folder"
-    if _is_tracks(arguments.scene):
+    kind = _kind_of(arguments.scene)
+    if kind == "tracks":
         return format_of(arguments.scene, _options(arguments)).name
-    return (
-        "ROS bag" if _is_foreign(arguments.scene) or arguments.topic is not None else "recording of pedpred"
-    )
+    if kind == "recording" and arguments.topic is None:
+        return "recording of pedpred"
+    return "scene folder" if kind == "folder" else "ROS bag"
 
 
-def _is_tracks(path: Path) -> bool:
-    """Whether a path is a file of tracks; recordings and bags are none, and have names of their own."""
-    if path.is_dir() or is_bag(path) or path.suffix == ".mcap":
-        return False
-    return not (path.is_file() and Beginning.of(path).raw.startswith(MCAP0_MAGIC))
-
-
-def _is_foreign(path: Path) -> bool:
-    """Whether a path is a bag, not a recording of `write_recording` or a scene folder."""
-    return is_bag(path) or (path.is_file() and not is_recording(path))
+def _kind_of(path: Path) -> Literal["bag", "folder", "tracks", "recording"]:
+    """What a path is: a bag, a scene folder, a file of tracks, or a recording of `write_recording`."""
+    if is_bag(path):
+        return "bag"
+    if path.is_dir():
+        return "folder"
+    is_mcap = path.suffix == ".mcap" or (path.is_file() and Beginning.of(path).raw.startswith(MCAP0_MAGIC))
+    if not is_mcap:
+        return "tracks"
+    return "recording" if is_recording(path) else "bag"
 
 
 def _ground_given(arguments: argparse.Namespace) -> OccupancyMap | None:
@@ -166,7 +166,7 @@ def _ground_given(arguments: argparse.Namespace) -> OccupancyMap | None:
     if arguments.map is not None and is_geometry(arguments.map):
         return read_ground(arguments.map, read_walls(arguments.map), CELL_M, WALL_M, edges, _OPEN_END_M)
     inside = None
-    if edges and arguments.map is None and _is_tracks(arguments.scene):
+    if edges and arguments.map is None and _kind_of(arguments.scene) == "tracks":
         inside = format_of(arguments.scene, _options(arguments)).walls(arguments.scene)
     if inside is not None:
         return read_ground(arguments.scene, inside, CELL_M, WALL_M, edges, _OPEN_END_M)
@@ -179,7 +179,7 @@ def _ground_given(arguments: argparse.Namespace) -> OccupancyMap | None:
 def _on_map_beside(scene: Scene, path: Path) -> Scene:
     """A scene without obstacles, on the map of the map.yaml beside its file if there is one."""
     beside = path.with_name(_MAP_BESIDE)
-    if not _is_tracks(path) or not beside.exists():
+    if _kind_of(path) != "tracks" or not beside.exists():
         return scene
     ground = map_at(beside)
     if placement(scene.trajectories.position, ground).outside > _MOST_OUTSIDE:
@@ -245,32 +245,31 @@ def read_any(
         StorageError, SourceError: the file is missing, damaged or of another format.
         ValueRuleError: an option has no meaning for the format.
     """
-    options = options or TableOptions()
-    is_tracks = _is_tracks(path)
-    if is_tracks or (path.is_dir() and not is_bag(path)):
+    options, kind = options or TableOptions(), _kind_of(path)
+    if kind in ("tracks", "folder"):
         for name, value in {"--topic": topic, "--map-topic": map_topic}.items():
             if value:
                 raise ValueRuleError(name, value, f"{path} is no bag: it has no topics")
-    if is_tracks:
+    if kind == "tracks":
         scene = read_file(path, options, with_walls=map_topic != "")
     elif surplus := [name for name, field in _FOR_FILES.items() if getattr(options, field, None) is not None]:
         value = getattr(options, _FOR_FILES[surplus[0]])
         raise ValueRuleError(
             surplus[0], value, f"{path} says times and lengths itself; it is for tables and texts"
         )
-    elif _is_foreign(path) or (path.is_file() and (topic is not None or map_topic is not None)):
+    elif kind == "bag" or (kind == "recording" and (topic is not None or map_topic is not None)):
         return read_bag(path, topic, transform, map_topic, classes, options.names.of_number)
     else:
         _check_folder(path)
         if options.classes:
             raise ValueRuleError("--class", options.classes, f"{path} is a scene: all in it are people")
-        scene = read_own(path, options) if path.is_dir() else read_recording(path, transform)
-        check_speeds(path, scene.trajectories, by_format=True)
-        transform = transform if path.is_dir() else None
+        scene = read_own(path, options) if kind == "folder" else read_recording(path, transform)
+        check_speeds(path, scene.trajectories, sure=True, fixed="m")
+        transform = transform if kind == "folder" else None
     if transform is None:
         return scene
     people = transform.moved(scene.trajectories)
-    is_free = not scene.occupancy.occupied.any() and not path.is_dir()
+    is_free = not scene.occupancy.occupied.any() and kind == "tracks"
     return replace(
         scene,
         trajectories=people,

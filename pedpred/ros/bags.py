@@ -139,7 +139,7 @@ def _checked_interval_s(path: Path, people: Trajectories) -> float:
     if dt_s >= _LONGEST_S:
         rule = "a track must be seen every few seconds: stamps count seconds and nanoseconds"
         raise ValueRuleError("stamp", f"usually {dt_s:g} s between two detections", rule)
-    check_speeds(path, people, by_format=True)
+    check_speeds(path, people, sure=True, fixed="m")
     return dt_s
 
 

@@ -102,7 +102,6 @@ def check_speeds(
     path: Path,
     trajectories: Trajectories,
     sure: bool = False,
-    by_format: bool = False,
     fixed: str | None = None,
     said: str | None = None,
 ) -> None:
@@ -111,8 +110,8 @@ def check_speeds(
     Args:
         path: the file, for errors.
         trajectories: what was read from it, taken as metres and seconds.
-        sure: the caller has said the unit, so that impossible speeds are only warned about.
-        by_format: the format says the unit, which its writer may not have known; warned about, too.
+        sure: the caller has said the unit, or who wrote the file, so that impossible speeds are only warned
+            about.
         fixed: the unit that the format has, or pixels; None: the caller may say it.
         said: the unit that titles or comments say; None: metres, which nobody says.
 
@@ -126,17 +125,15 @@ def check_speeds(
     if jumps and usual_mps <= FASTEST_MPS:
         cause = "are ids exchanged, or do false detections have the ids of people?"
         _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
-    sure, doubt = sure or by_format, ""
-    likely = _likely_unit(usual_mps, said or "m")
+    likely, doubt = _likely_unit(usual_mps, said or "m"), ""
     if other := _other_than_metres(fixed):
         doubt = f": does the file hold {other}, as the format does, and seconds?"
-    elif by_format or fixed or said:
+    elif fixed or said:
         doubt = f": are lengths {likely} in place of {said or 'metres'}?"
     if usual_mps > FASTEST_MPS:
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), faster than people walk"
         if not sure:
-            remedy = _about_speeds(likely, said, fixed)
-            raise SourceError(path, None, problem, remedy)
+            raise SourceError(path, None, problem, _about_speeds(likely, said, fixed))
         _log.warning("%s: %s%s", path, problem, doubt)
     elif usual_mps > _USUAL_MPS:
         speeds = (
@@ -189,20 +186,19 @@ def _likely_unit(usual_mps: float, said: str) -> str:
     return next((unit for unit in _LIKELY if usual_mps * UNITS[unit] / UNITS[said] <= _USUAL_MPS), "mm")
 
 
-def check_degrees(path: Path, people: Trajectories, sure: bool = False) -> None:
+def check_degrees(path: Path, people: Trajectories) -> None:
     """Check that positions are not longitudes and latitudes.
 
     Args:
         path: the file, for errors.
         people: what was read from it, taken as metres and seconds.
-        sure: the caller has said the unit, so that nothing is refused.
 
     Raises:
         SourceError: they look like degrees.
     """
     speed_mps, largest = _speeds_mps(people), np.sort(np.abs(people.position).max(axis=0, initial=0.0))
     slow = len(speed_mps) > 0 and 0.0 < np.percentile(speed_mps, 99) < _DEGREES_PER_S
-    if slow and not sure and largest[0] <= 90.0 and largest[1] <= 180.0:
+    if slow and largest[0] <= 90.0 and largest[1] <= 180.0:
         place = ", ".join(f"{value:.10g}" for value in people.position[0])
         problem = f"positions such as {place} look like degrees of longitude and latitude"
         remedy = f"Project them to metres first, such as to UTM; {_unit('m')} insists on metres"

@@ -151,9 +151,10 @@ def checked_interval_s(
     check_clock(path, dt_s)
     check_digits(path, people)
     doubt_whole_seconds(path, people, dt_s)
-    check_degrees(path, people, sure)
-    if not sure and said is None and fixed is None:
-        doubt_fractions(path, people)
+    if not sure:
+        check_degrees(path, people)
+        if said is None and fixed is None:
+            doubt_fractions(path, people)
     if titled:
         check_titles(path, people)
     if not sure:
