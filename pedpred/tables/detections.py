@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,31 +96,44 @@ def without_copies(
         if name != "line":
             same &= column[one] == column[other]
     if (again & ~same).any():
-        pair = np.flatnonzero(again & ~same)
-        first = int(pair[np.argmin(columns["line"][other[pair]])])
-        line, before = (int(columns["line"][row]) for row in (other[first], one[first]))
-        row = one[first]
-        who = (names or TrackNames()).column(columns["track_id"][row : row + 1])[0]
-        when = f"{clock} {columns[clock][row]:.10g}"
-        problem = f"track_id {who} and {when} again, first in {counted} {before}, at another place"
-        apart = f"If it was recorded in several runs, make a {worded('file', 'table')} for each"
-        remedy = f"Remove one of the {counted}s. {apart}"
-        many = clock == "time_s" and 3 * len(pair) > len(columns["line"]) > _FEW
-        if many and len(np.unique(columns["track_id"])) == 1:
-            problem += ": all lines have this id"
-            remedy = f"If another column holds the ids, name all in order: {naming('time,id,x,y')}"
-        elif many:
-            problem += f", as in {len(pair)} of {len(order)} lines: times are too coarse"
-            remedy = f"Write times with more decimals, or name all in order: {naming('frame,id,x,y')}"
-        if counted != "line":
-            raise SourceError(path, None, f"{counted} {line}: {problem}", remedy)
-        raise SourceError(path, line, problem, remedy)
+        pairs = one[again & ~same], other[again & ~same]
+        raise _at_two_places(path, columns, pairs, names or TrackNames(), clock, counted)
     copies = _Count(int(again.sum()), int(columns["line"][other[again]].min(initial=2**62)), counted)
     if not copies.rows:
         return columns
     _log.warning("%s: rows that repeat another one are left out: %s", path, copies)
     kept = np.sort(np.delete(order, np.flatnonzero(again) + 1))
     return {name: column[kept] for name, column in columns.items()}
+
+
+def _at_two_places(
+    path: Path,
+    columns: Mapping[str, np.ndarray],
+    pairs: tuple[np.ndarray, np.ndarray],
+    names: TrackNames,
+    clock: str,
+    counted: str,
+) -> SourceError:
+    """The error that names the first of some pairs of rows, each of one person at one time; see above."""
+    earlier, later = pairs
+    first = int(np.argmin(columns["line"][later]))
+    row, line = earlier[first], int(columns["line"][later[first]])
+    who = names.column(columns["track_id"][row : row + 1])[0]
+    when = f"{clock} {columns[clock][row]:.10g}"
+    problem = f"track_id {who} and {when} again, first in {counted} {columns['line'][row]}, at another place"
+    apart = f"If it was recorded in several runs, make a {worded('file', 'table')} for each"
+    remedy = f"Remove one of the {counted}s. {apart}"
+    rows = len(columns["line"])
+    many = clock == "time_s" and 3 * len(later) > rows > _FEW
+    if many and len(np.unique(columns["track_id"])) == 1:
+        problem += ": all lines have this id"
+        remedy = f"If another column holds the ids, name all in order: {naming('time,id,x,y')}"
+    elif many:
+        problem += f", as in {len(later)} of {rows} lines: times are too coarse"
+        remedy = f"Write times with more decimals, or name all in order: {naming('frame,id,x,y')}"
+    if counted != "line":
+        return SourceError(path, None, f"{counted} {line}: {problem}", remedy)
+    return SourceError(path, line, problem, remedy)
 
 
 def without_untracked(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -119,26 +119,32 @@ def people_in_rows(
             for title, column in at.items():
                 counts[title][label_of(fields[column])] += 1
     for title in parts:
-        values, count = sorted(set(counts[title]) - {""}), sum(counts[title].values())
-        if 1 < len(values) <= max(_FEW_RECORDINGS, min(_MOST_RECORDINGS, count / _FEWEST_ROWS)):
-            shown = ", ".join(values[:_SHOWN_NAMES]) + ", ..." * (len(values) > _SHOWN_NAMES)
-            part = f"divide the {worded('file', 'table')} if they are several"
-            text = f"%s: column %s holds %s: all are read as one recording; {part}"
-            if is_part_of_time(title):
-                text += ", or write one column of times if they are parts of these"
-            _log.warning(text, path, title, shown)
+        _doubt_one_recording(path, title, counts[title])
     for title, of_nobody in flags.items():
-        unseen = sum(
-            count for value, count in counts[title].items() if _TRUTH.get(value.lower()) is of_nobody
-        )
-        if unseen:
-            text = (
-                "%s: column %s is %s in %d rows, which are read like others: remove them if nobody was seen"
-            )
-            _log.warning(text, path, title, of_nobody, unseen)
+        _doubt_unseen(path, title, counts[title], of_nobody)
     if kinds or options.classes:
         return classes_of_people(path, {title: counts[title] for title in kinds}, options.classes)
     return None
+
+
+def _doubt_one_recording(path: Path, title: str, counts: Counter[str]) -> None:
+    """Warn if a column that tells recordings apart has several values, and not one for nearly every row."""
+    values = sorted(set(counts) - {""})
+    if 1 < len(values) <= max(_FEW_RECORDINGS, min(_MOST_RECORDINGS, counts.total() / _FEWEST_ROWS)):
+        shown = ", ".join(values[:_SHOWN_NAMES]) + ", ..." * (len(values) > _SHOWN_NAMES)
+        part = f"divide the {worded('file', 'table')} if they are several"
+        text = f"%s: column %s holds %s: all are read as one recording; {part}"
+        if is_part_of_time(title):
+            text += ", or write one column of times if they are parts of these"
+        _log.warning(text, path, title, shown)
+
+
+def _doubt_unseen(path: Path, title: str, counts: Counter[str], of_nobody: bool) -> None:
+    """Warn if a column of flags has the value of somebody who was not seen."""
+    unseen = sum(count for value, count in counts.items() if _TRUTH.get(value.lower()) is of_nobody)
+    if unseen:
+        text = "%s: column %s is %s in %d rows, which are read like others: remove them if nobody was seen"
+        _log.warning(text, path, title, of_nobody, unseen)
 
 
 def tracks_in_rows(
