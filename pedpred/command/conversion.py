@@ -6,7 +6,7 @@ import argparse
 import logging
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -117,24 +117,28 @@ def _options(arguments: argparse.Namespace) -> TableOptions:
     """
     columns = None if arguments.columns is None else tuple(titles_in(arguments.columns))
     classes = tuple(arguments.classes or ())
-    with _with_options_for_fields():
+    with options_for_fields(_FOR_FILES):
         options = TableOptions(columns, arguments.rate, arguments.unit, arguments.scale, classes=classes)
     if arguments.homography is None:
         return options
     if _kind_of(arguments.scene) != "tracks" or not format_of(arguments.scene, options).pixels:
         rule = f"the positions in {arguments.scene} are not pixels"
         raise ValueRuleError("--homography", str(arguments.homography), rule)
-    with _with_options_for_fields():
+    with options_for_fields(_FOR_FILES):
         return replace(options, homography=read_homography(arguments.homography))
 
 
 @contextmanager
-def _with_options_for_fields() -> Iterator[None]:
-    """Let an error about a field of `TableOptions` name the option that was given."""
+def options_for_fields(options: Mapping[str, str]) -> Iterator[None]:
+    """Let an error about a field name the option that was given.
+
+    Args:
+        options: name of an option -> its field.
+    """
     try:
         yield
     except ValueRuleError as cause:
-        option = next((option for option, field in _FOR_FILES.items() if field == cause.field), cause.field)
+        option = next((option for option, field in options.items() if field == cause.field), cause.field)
         raise ValueRuleError(option, cause.value, cause.rule) from cause
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pedpred.command.conversion import layout_of, read_given, stem_of
+from pedpred.command.conversion import layout_of, options_for_fields, read_given, stem_of
 from pedpred.driving.episodes import DriveSettings, Recording
 from pedpred.driving.figures import figures_of, summary
 from pedpred.driving.forecasters import NAMES, TRUTH
@@ -162,10 +162,19 @@ def check_drive(arguments: argparse.Namespace) -> None:
     if (arguments.scene is None) == (arguments.world is None):
         raise ValueRuleError("scene", str(arguments.scene), "name either a scene or --world")
     _check_meaning(arguments)
-    _check_braking(Robot(arguments.robot, arguments.radius_m, arguments.speed_mps))
+    robot = Robot(arguments.robot, arguments.radius_m, arguments.speed_mps)
+    with options_for_fields({"--speed-mps": "speed_mps"}):
+        check_braking(robot, PlannerSettings())
     if arguments.table is None and arguments.record is None:
         name = stem_of(arguments.scene) if arguments.world is None else _worlds(arguments).name
         arguments.table = Path(f"{name}_drives.csv")
+    _check_pictures(arguments)
+    if arguments.record is not None:
+        _check_record(arguments)
+
+
+def _check_pictures(arguments: argparse.Namespace) -> None:
+    """Check that pictures can be drawn, and the curves replace no table; errors of `check_drive`."""
     if arguments.curves is not None and arguments.curves.suffix != ".png":
         raise ValueRuleError("--curves", str(arguments.curves), "the name of a picture ends in .png")
     if arguments.curves is not None and arguments.curves.resolve() == arguments.table.resolve():
@@ -176,8 +185,10 @@ def check_drive(arguments: argparse.Namespace) -> None:
     if pictures and find_spec("matplotlib") is None:
         remedy = 'Install it: pip install "pedpred[pictures]"'
         raise OutputError(pictures[0], "pictures need matplotlib", remedy)
-    if arguments.record is None:
-        return
+
+
+def _check_record(arguments: argparse.Namespace) -> None:
+    """Check that the episode can be recorded, and choose what is not said; errors of `check_drive`."""
     if arguments.record.suffix not in (".mcap", ".png"):
         raise ValueRuleError("--record", str(arguments.record), "its name ends in .mcap or .png")
     picture = arguments.record.suffix == ".png"
@@ -193,18 +204,6 @@ def check_drive(arguments: argparse.Namespace) -> None:
         rule = rule.format(", and no --compare" if models.others else "")
         raise ValueRuleError("--record", several, rule)
     arguments.episode = arguments.episode or 0
-
-
-def _check_braking(robot: Robot) -> None:
-    """Check that the robot can brake within a manoeuvre.
-
-    Raises:
-        ValueRuleError: it is too fast for that.
-    """
-    try:
-        check_braking(robot, PlannerSettings())
-    except ValueRuleError as cause:
-        raise ValueRuleError("--speed-mps", cause.value, cause.rule) from cause
 
 
 def _check_meaning(arguments: argparse.Namespace) -> None:
