@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_ranges
+from pedpred.fields import check_choice, check_ranges
 from pedpred.online import OnlineSettings
 from pedpred.ros.frame_tree import frame_name
 from pedpred.ros.people import ADAPTERS
@@ -95,8 +95,7 @@ class NodeSettings:
     def __post_init__(self) -> None:
         check_ranges(self, _RANGES)
         for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise ValueRuleError(name, getattr(self, name), f"it must be one of {', '.join(choices)}")
+            check_choice(name, getattr(self, name), choices)
         if not frame_name(self.map_frame):
             raise ValueRuleError("map_frame", self.map_frame, "it must name a frame, such as map")
 
