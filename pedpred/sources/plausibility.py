@@ -241,12 +241,16 @@ def check_places(path: Path, people: Trajectories, remedy: str) -> None:
         remedy: what to do otherwise.
 
     Raises:
-        SourceError: one of them does, or several people are always at one place.
+        SourceError: one of them does, or several people are always, or mostly, at one place.
     """
     if len(np.unique(people.track_id)) > 1 and not np.ptp(people.position, axis=0).any():
         place = ", ".join(f"{value:.10g}" for value in people.position[0])
         raise SourceError(path, None, f"everybody is always at ({place}): x and y hold no positions", remedy)
     people = _begin_of(people)
+    together, of = _instants_at_one_place(people)
+    if together >= _FEWEST_STEPS and 2 * together > of:
+        where = f"in {together} of {of} instants with several people, all of them are at exactly one place"
+        raise SourceError(path, None, f"{where}: x and y are those of something else", remedy)
     for title, values in zip("xy", people.position.T, strict=True):
         problem = None
         if _is_clock(people, values):
@@ -255,6 +259,18 @@ def check_places(path: Path, people: Trajectories, remedy: str) -> None:
             problem = f"{title} holds few whole numbers, as ids do: the columns look exchanged"
         if problem:
             raise SourceError(path, None, problem, remedy)
+
+
+def _instants_at_one_place(people: Trajectories) -> tuple[int, int]:
+    """In how many of the instants with several people all are at the same place, and how many there are."""
+    if not len(people):
+        return 0, 0
+    order = np.argsort(people.time_s, kind="stable")
+    first = np.flatnonzero(np.diff(people.time_s[order], prepend=-np.inf))
+    several = np.diff(np.r_[first, len(order)]) > 1
+    place = people.position[order]
+    spread = np.maximum.reduceat(place, first) - np.minimum.reduceat(place, first)
+    return int((several & ~spread.any(axis=1)).sum()), int(several.sum())
 
 
 def _begin_of(people: Trajectories) -> Trajectories:

@@ -47,6 +47,7 @@ from pedpred.tables.titles import (
     meaning_of,
     naming,
     numbered_pairs,
+    other_pairs,
     titles_of_tracks,
 )
 from pedpred.tables.units import PIXELS, UNITS
@@ -179,6 +180,7 @@ def _read(
     """Read rows; without `lines`, those of a file that was parsed elsewhere. `kind` said who is a person."""
     comments = lines.comments if lines else ()
     wanted = _wanted(path, titles)
+    _doubt_places(path, titles, wanted)
     at = {name: titles.index(title) for title, name in wanted.items()}
     ids = Ids(path, titles[at["track_id"]])
     clock = "time_s" if "time_s" in at else "frame"
@@ -263,6 +265,15 @@ def _wanted(path: Path, titles: Sequence[str]) -> dict[str, str]:
             raise SourceError(path, None, cause.rule, remedy) from cause
         problem = f"columns {shown} are those of several people, or corners of boxes"
         raise SourceError(path, None, problem, _LONG) from cause
+
+
+def _doubt_places(path: Path, titles: Sequence[str], wanted: Mapping[str, str]) -> None:
+    """Warn if other columns may hold the places of people."""
+    used = " and ".join(title for name in LENGTHS for title, is_for in wanted.items() if is_for == name)
+    for x, y in other_pairs(titles, wanted):
+        text = "%s: columns %s are read as the places of people, and %s and %s are not: %s if these are meant"
+        choose = worded("choose them by --columns", "leave out the others")
+        _log.warning(text, path, used, x, y, choose)
 
 
 def _repeated_axes(titles: Sequence[str]) -> list[str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pedpred.errors import ValueRuleError, worded
@@ -42,6 +42,12 @@ _SAY = {
 }
 """Words of English, and of German, French, Spanish, Italian, Dutch and Portuguese, without accents."""
 _QUANTITY = {word: quantity for quantity, words in _SAY.items() for word in words.split()}
+_PERSON = set(_SAY["who"].split()) - {"track", "tracklet", "trajectory", "traj", "agent", "actor", "object"}
+_PERSON -= {"obj", "subject", "name", "objekt", "objet", "objeto", "oggetto"}
+"""Words of `_SAY["who"]` that are said of nobody but people."""
+_AXES = {*_SAY["x"].split(), *_SAY["y"].split()}
+_FRAMES = {"world", "map", "local", "global", "ground", "utm", *_AXES} - {"x", "y"}
+"""Words of a title that say in which frame positions are."""
 _BESIDE = {
     "number": "number no nr num index idx nummer numero",
     "place": "pos position coord coords coordinate coordinates location loc center centre centroid point "
@@ -84,11 +90,13 @@ class Meaning:
         name: `frame`, or a column of `Trajectories`.
         unit: of lengths or times, where the title says it.
         plain: whether the title is one of `NAMES`, perhaps with a unit.
+        whose: words of the title for who is there, such as `ped`.
     """
 
     name: str
     unit: str | None = None
     plain: bool = True
+    whose: frozenset[str] = frozenset()
 
 
 def meaning_of(title: str) -> Meaning | None:
@@ -112,7 +120,8 @@ def meaning_of(title: str) -> Meaning | None:
     if name is None or any(unit not in words_of_lengths for unit in units):
         return None
     core = "_".join(word for word in words if word not in units and word not in _FILLERS)
-    return Meaning(name, words_of_lengths[units[0]] if units else None, core in NAMES[name])
+    whose = frozenset(word for word in words if _QUANTITY.get(word) == "who")
+    return Meaning(name, words_of_lengths[units[0]] if units else None, core in NAMES[name], whose)
 
 
 def columns_of_classes(titles: Sequence[str]) -> list[str]:
@@ -222,13 +231,18 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
     if not any(meaning.name == "track_id" for meaning in meant.values()):
         meant |= {title: Meaning("track_id") for title, m in meant.items() if m.name == "person_id"}
     clock = _clock(meant)
+    of_people = _pairs_of_people(meant)
     wanted: dict[str, str] = {}
     for name in ("time_s", "frame", *TRACK_COLUMNS[1:]):
         candidates = [title for title in titles if title in meant and meant[title].name == name]
         if name in ("time_s", "frame"):
             candidates = [title for title in candidates if (name, meant[title].unit or "s") == clock]
-        for preferred in (lambda meaning: meaning.unit != PIXELS, lambda meaning: meaning.plain):
-            candidates = [title for title in candidates if preferred(meant[title])] or candidates
+        for preferred in (
+            lambda title: meant[title].unit != PIXELS,
+            lambda title: title in of_people,
+            lambda title: meant[title].plain,
+        ):
+            candidates = [title for title in candidates if preferred(title)] or candidates
         if len(candidates) > 1:
             rule = f"columns {candidates[0]} and {candidates[1]} are both {name}"
             raise ValueRuleError("columns", titles, rule)
@@ -239,6 +253,42 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
         if name not in wanted.values():
             raise ValueRuleError("columns", titles, _missing(name, titles))
     return {title: wanted[title] for title in titles if title in wanted}
+
+
+def other_pairs(titles: Sequence[str], wanted: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Titles of x and y that may be meant in place of those that are used.
+
+    They are those of other people or things, or say a frame or a unit while those that are used say none.
+    """
+    meant = {title: meaning for title in titles if (meaning := meaning_of(title)) and meaning.name in LENGTHS}
+    used = {title for title in wanted if title in meant}
+    said = {word for title in used for word in _words(title)} & _FRAMES
+    said |= {unit for title in used if (unit := meant[title].unit)}
+    pairs = []
+    for pair in _pairs(meant):
+        more = {word for title in pair for word in _words(title)} & (_FRAMES | LENGTH_WORDS.keys())
+        differs = meant[pair[0]].whose != frozenset().union(*(meant[title].whose for title in used))
+        if not used & set(pair) and PIXELS not in {meant[title].unit for title in pair}:
+            pairs += [pair] if differs or (more and not said) else []
+    return pairs
+
+
+def _pairs(meant: Mapping[str, Meaning]) -> list[tuple[str, str]]:
+    """Columns of x and y whose titles have the same unit and words for who is there."""
+    axes = {name: [title for title, m in meant.items() if m.name == name] for name in LENGTHS}
+    return [
+        (x, y)
+        for x in axes["x_m"]
+        for y in axes["y_m"]
+        if (meant[x].unit, meant[x].whose) == (meant[y].unit, meant[y].whose)
+        and set(_words(x)) - _AXES == set(_words(y)) - _AXES
+    ]
+
+
+def _pairs_of_people(meant: Mapping[str, Meaning]) -> set[str]:
+    """Titles of x and y that say that they are those of people: by a word for these, or of the ids' title."""
+    of_ids = frozenset().union(*(m.whose for m in meant.values() if m.name == "track_id"))
+    return {title for pair in _pairs(meant) if meant[pair[0]].whose & (_PERSON | of_ids) for title in pair}
 
 
 def _clock(meant: dict[str, Meaning]) -> tuple[str, str]:
