@@ -4,11 +4,15 @@ import logging
 import math
 import re
 
+import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import pedpred
 from pedpred.errors import SourceError
+from pedpred.tables.classes import is_person
 from pedpred.tables.titles import titles_of_tracks
 from tests.scenes import assert_same
 from tests.test_table_traits import COUNT, FIXTURE, TITLES, WALK, tracks, write
@@ -78,3 +82,111 @@ def test_people_are_not_all_at_one_place(tmp_path, header, apart):
     few = [(t, who, x, y if k > 8 else 5.0) for k, (t, who, x, y) in enumerate(WALK)]
     few = [(t, who, x - 3 * who if k <= 8 else x, y) for k, (t, who, x, y) in enumerate(few)]
     assert len(tracks(write(tmp_path, few, header), unit="m")) == len(WALK)
+
+
+# Classes
+
+
+WORDS = st.sampled_from(["pedestrian", "Person", "human", "ped"])
+THINGS = st.sampled_from(["car", "Cyclist", "robot", "vehicle.bus", "BIKE"])
+
+
+def with_others(rows, others, column):
+    """Rows with a further value, and those of others with theirs."""
+    further = [
+        (t, 50 + k, x + 9, y, other) for k, other in enumerate(others) for t, who, x, y in WALK if who == 1
+    ]
+    return [(*row, column) for row in rows] + further
+
+
+@given(
+    st.sampled_from(["vehicle_type", "cls", "semantic_class", "detected_class", "mode", "what", "is"]),
+    WORDS,
+    st.lists(THINGS, min_size=1, max_size=3),
+)
+@settings(deadline=None, suppress_health_check=FIXTURE)
+def test_a_column_of_classes_is_found_by_what_it_holds(tmp_path, plain, title, person, others):
+    rows = sorted(with_others(WALK, others, person))
+    assert_same(tracks(write(tmp_path, rows, (*TITLES, title))), plain)
+
+
+def test_words_that_change_are_no_classes(tmp_path, plain, caplog):
+    """Such as those for what somebody looks at; and what only has words for others says nothing."""
+    looks = [(*row, ("person", "car", "door")[k % 3]) for k, row in enumerate(WALK)]
+    with caplog.at_level(logging.WARNING):
+        assert_same(tracks(write(tmp_path, looks, (*TITLES, "looks_at"))), plain)
+    assert "column looks_at holds words for people and for others (car, door, person), which" in caplog.text
+    caplog.clear()
+    for note in ("car", "person", "in a hurry", ""):
+        assert_same(tracks(write(tmp_path, [(*row, note) for row in WALK], (*TITLES, "note"))), plain)
+    assert not caplog.text
+
+
+def test_any_column_of_words_may_be_chosen_from(tmp_path, plain):
+    rows = with_others(WALK, ["robot"], "adult")
+    found = tracks(write(tmp_path, rows, (*TITLES, "kind_of_agent")), classes=("robot",))
+    assert set(found.track_id) == {50}
+
+
+@given(WORDS, st.lists(THINGS, min_size=1, max_size=3, unique=True), st.sampled_from(["_", "-", "", " "]))
+@settings(deadline=None, suppress_health_check=FIXTURE)
+def test_ids_may_say_who_is_no_person(tmp_path, plain, person, others, sign):
+    rows = [(t, f"{person}{sign}{who}", x, y) for t, who, x, y in WALK]
+    rows += [
+        (t, f"{other}{sign}{7 + k}", x + 9, y) for k, other in enumerate(others) for t, _, x, y in WALK[::2]
+    ]
+    found = tracks(write(tmp_path, sorted(rows)))
+    np.testing.assert_array_equal(found.position, plain.position)
+
+
+def test_ids_without_a_word_for_people_are_asked_about(tmp_path, plain, caplog):
+    named = [(t, ("robot", "A7")[who - 1], x, y) for t, who, x, y in WALK]
+    with caplog.at_level(logging.WARNING):
+        assert len(tracks(write(tmp_path, named))) == len(plain)
+    assert "column id: ids begin with words for no people (robot), and all rows are read" in caplog.text
+    caplog.clear()
+    people = [(t, ("Carla", "Busch")[who - 1], x, y) for t, who, x, y in WALK]
+    with caplog.at_level(logging.WARNING):
+        assert len(tracks(write(tmp_path, people))) == len(plain)
+    assert not caplog.text
+
+
+@pytest.mark.parametrize("change", [{"vehicle_type": ["car", "person"]}, {"id": ["car_1", "ped_2"]}])
+def test_classes_in_data_frames_are_found_by_what_they_hold(change, caplog):
+    walks = pd.DataFrame(sorted(WALK, key=lambda row: row[1]), columns=TITLES)
+    both = walks.assign(**{title: np.repeat(values, COUNT) for title, values in change.items()})
+    found = pedpred.predict(both)
+    assert len(found.track.unique()) == 1
+    alone = pedpred.predict(walks[walks.id == 2])
+    np.testing.assert_allclose(found[["time", "x", "y"]], alone[["time", "x", "y"]])
+
+
+@pytest.mark.parametrize(
+    "label",
+    [
+        *("pedestrian", "Person", "human.pedestrian.adult", "pedestrian with bike", "person_on_phone"),
+        *("human.pedestrian.personal_mobility", "person walking dog", "pedestrian without bike", ""),
+    ],
+)
+def test_labels_of_people(label):
+    assert is_person(label)
+
+
+@pytest.mark.parametrize(
+    "label",
+    [
+        *("non-pedestrian", "not a person", "NOT_PEDESTRIAN", "person_on_bike", "people mover", "no person"),
+        *("pedestrian crossing", "human-driven car", "vehicle.person_carrier", "person statue", "dog"),
+    ],
+)
+def test_labels_of_others_may_have_a_word_for_people(label, tmp_path, plain):
+    assert not is_person(label)
+    assert is_person(label, (label,)), "it may be chosen"
+    rows = sorted(with_others(WALK, [label], "pedestrian"))
+    assert_same(tracks(write(tmp_path, rows, (*TITLES, "type"))), plain)
+
+
+def test_a_class_that_is_wanted_may_be_any_word():
+    assert is_person("person_on_bike", ("bike",))
+    assert is_person("vehicle.car", ("car",))
+    assert not is_person("vehicle.car", ("bus",))

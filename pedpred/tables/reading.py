@@ -10,6 +10,8 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
+from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,14 @@ import numpy as np
 from pedpred.errors import SourceError, ValueRuleError, worded
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
-from pedpred.tables.classes import classes_of_people, label_of
+from pedpred.tables.classes import (
+    are_classes,
+    classes_of_people,
+    label_of,
+    may_hold_classes,
+    may_name_classes,
+    people_by_ids,
+)
 from pedpred.tables.clocks import add_rest, set_time
 from pedpred.tables.comments import frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import Dates, column_of_days
@@ -55,6 +64,8 @@ from pedpred.tables.units import PIXELS, UNITS
 _LONG = "Write a line per person and instant, with columns such as time,id,x,y"
 _PAIRS = {"position": LENGTHS, "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
 _LONGEST_TITLES, _SHOWN_NAMES = 200, 3
+_LOOKED_AT = 1000
+"""Rows that are looked at to find out what columns hold."""
 _FEW_RECORDINGS, _MOST_RECORDINGS, _FEWEST_ROWS = 10, 500, 10
 """More values than the first count messages, unless each is in so many rows."""
 _TRUTH = dict.fromkeys(("0", "0.0", "false", "f", "no"), False) | dict.fromkeys(
@@ -83,8 +94,10 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
     def rows() -> Iterable[Row]:
         return of_width(path, lines_of(path, options.columns).rows, lines.titles, named)
 
-    chosen = people_in_rows(path, lines.titles, rows, options)
-    people = of_people(of_width(path, lines.rows, lines.titles, named), lines.titles, chosen)
+    begin = list(islice(lines.rows, _LOOKED_AT))
+    chosen = people_in_rows(path, lines.titles, rows, options, begin)
+    every = chain(begin, lines.rows)
+    people = of_people(of_width(path, every, lines.titles, named), lines.titles, chosen)
     return _read(path, lines.titles, people, options, lines, chosen[0] if chosen else None)
 
 
@@ -99,9 +112,15 @@ def of_people(
 
 
 def people_in_rows(
-    path: Path, titles: Sequence[str], rows: Callable[[], Iterable[Row]], options: TableOptions
+    path: Path,
+    titles: Sequence[str],
+    rows: Callable[[], Iterable[Row]],
+    options: TableOptions,
+    begin: Sequence[Row],
 ) -> tuple[str, set[str]] | None:
-    """The column that says who is a person, see `classes_of_people`.
+    """The column that says who is a person, by its title, by what it holds, or that of ids.
+
+    See `classes_of_people`, `are_classes` and `people_by_ids`.
 
     Several recordings, and rows of people who were not seen, are warned about.
 
@@ -110,22 +129,46 @@ def people_in_rows(
         titles: of the columns.
         rows: gives all rows, if any column has to be looked at.
         options: with the classes of people.
+        begin: the first rows.
     """
     kinds, parts = columns_of_classes(titles), columns_of_recordings(titles)
     flags = columns_of_flags(titles)
-    counts: dict[str, Counter[str]] = {title: Counter() for title in (*kinds, *parts, *flags)}
+    labels: dict[str, dict[str, set[str]]] = {title: {} for title in columns_of_labels(titles, begin)}
+    who = next(title for title, name in titles_of_tracks(titles).items() if name == "track_id")
+    ids = [who] if may_name_classes(_column(begin, titles.index(who))) else []
+    counts: dict[str, Counter[str]] = {title: Counter() for title in (*kinds, *parts, *flags, *labels, *ids)}
     if counts:
-        at = {title: titles.index(title) for title in counts}
+        at = {title: titles.index(title) for title in (who, *counts)}
         for _, fields in rows():
-            for title, column in at.items():
-                counts[title][label_of(fields[column])] += 1
+            for title in counts:
+                counts[title][label_of(fields[at[title]])] += 1
+            for title, of_id in labels.items():
+                of_id.setdefault(fields[at[who]], set()).add(label_of(fields[at[title]]))
     for title in parts:
         _doubt_one_recording(path, title, counts[title])
     for title, of_nobody in flags.items():
         _doubt_unseen(path, title, counts[title], of_nobody)
-    if kinds or options.classes:
-        return classes_of_people(path, {title: counts[title] for title in kinds}, options.classes)
-    return None
+    wanted = options.classes
+    kinds += [title for title, of_id in labels.items() if are_classes(path, title, of_id, wanted)]
+    by_ids = partial(people_by_ids, path, who, counts[who], wanted) if ids else lambda: None
+    if wanted and not kinds and (chosen := by_ids()):
+        return chosen
+    if kinds or wanted:
+        chosen = classes_of_people(path, {title: counts[title] for title in kinds}, wanted)
+        return chosen or by_ids()
+    return by_ids()
+
+
+def columns_of_labels(titles: Sequence[str], begin: Sequence[Row]) -> list[str]:
+    """Titles of columns that are not used, and hold words for people or for others in the first rows."""
+    used = {*titles_of_tracks(titles), *columns_of_classes(titles)}
+    others = [(at, title) for at, title in enumerate(titles) if title not in used]
+    return [title for at, title in others if may_hold_classes(_column(begin, at))]
+
+
+def _column(rows: Iterable[Row], at: int) -> list[str]:
+    """The different values of a column, without those of rows that are too short."""
+    return list(dict.fromkeys(fields[at] for _, fields in rows if at < len(fields)))
 
 
 def _doubt_one_recording(path: Path, title: str, counts: Counter[str]) -> None:
@@ -222,7 +265,7 @@ def _read(
         del columns["line"]
         if lines is not None:
             used = wanted | ({titles[days]: "date"} if days is not None and dates.read_days else {})
-            used |= {kind: "class"} if kind else {}
+            used |= {kind: "class"} if kind and kind not in used else {}
             _tell(path, titles, used, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})
         return _tracks(columns)
 
