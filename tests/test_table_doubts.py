@@ -15,7 +15,7 @@ from pedpred.errors import SourceError
 from pedpred.tables.classes import is_person
 from pedpred.tables.titles import titles_of_tracks
 from tests.scenes import assert_same
-from tests.test_table_traits import COUNT, FIXTURE, TITLES, WALK, tracks, write
+from tests.test_table_traits import COUNT, FIXTURE, STEP_S, TITLES, WALK, tracks, write
 
 
 @pytest.fixture(scope="module")
@@ -190,3 +190,74 @@ def test_a_class_that_is_wanted_may_be_any_word():
     assert is_person("person_on_bike", ("bike",))
     assert is_person("vehicle.car", ("car",))
     assert not is_person("vehicle.car", ("bus",))
+
+
+# Comments
+
+
+FRAMES = [(round(t / STEP_S), *row) for t, *row in WALK]
+
+
+@pytest.mark.parametrize("header", ["frame,id,x,y", None])
+@pytest.mark.parametrize(
+    ("comment", "proposed"),
+    [
+        ("# low-pass filtered, cutoff 2 Hz", False),
+        ("# Butterworth filter, 4th order, cutoff frequency 6 Hz", False),
+        ("# smoothed with a 0.5 Hz filter", False),
+        ("# gait frequency 2 Hz", False),
+        ("# camera: GoPro, 20 Hz", True),
+        ("# synchronised with IMU (20 Hz)", True),
+        ("# downsampled from 20 Hz", True),
+    ],
+)
+def test_hertz_of_something_else_are_no_rate(tmp_path, plain, header, comment, proposed, caplog):
+    path = write(tmp_path, FRAMES, (f"{comment}\n{header}" if header else comment,))
+    with pytest.raises(SourceError, match=r"no comment says the frame rate.*--rate"):
+        tracks(path)
+    assert ("speaks of 20 Hz" in caplog.text and "say --rate 20" in caplog.text) == proposed
+    caplog.clear()
+    assert_same(tracks(path, rate_hz=1 / STEP_S), plain)
+    assert not caplog.text
+
+
+@given(
+    st.sampled_from(
+        ["sampled at", "Recorded with", "sampling rate:", "data at", "low-pass filtered, sampled at"]
+    ),
+    st.sampled_from(["", " (filter: cutoff 2 Hz)", ", smoothed at 1 Hz"]),
+)
+@settings(deadline=None, suppress_health_check=FIXTURE)
+def test_hertz_of_samples_are_the_rate_unless_another_is_said(tmp_path, plain, words, rest):
+    path = write(tmp_path, FRAMES, (f"# {words} 4 Hz{rest}\nframe,id,x,y",))
+    assert_same(tracks(path), plain)
+    path = write(tmp_path, FRAMES, (f"# {words} 100 Hz{rest}\nframe,id,x,y",))
+    assert_same(tracks(path, rate_hz=4.0), plain)
+
+
+def test_a_rate_that_is_said_in_place_of_hertz_is_named(tmp_path, caplog):
+    tracks(write(tmp_path, FRAMES, ("# sampled at 100 Hz\nframe,id,x,y",)), rate_hz=4.0)
+    assert "a comment says 100 Hz, and --rate 4 is used" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "comment",
+    [
+        *("# distance sensor in mm mode", "# calibrated in cm", "# lengths of steps in cm below"),
+        *("# distances between walls in cm", "# all checked in a grid in cm steps"),
+    ],
+)
+def test_units_of_something_else_are_not_those_of_positions(tmp_path, plain, comment):
+    path = write(tmp_path, WALK, (f"{comment}\ntime,id,x,y",))
+    assert_same(tracks(path), plain)
+    assert_same(tracks(path, unit="m"), plain)
+
+
+@pytest.mark.parametrize("comment", ["# all in cm", "# in cm", "# data in cm", "# values are cm", "# cm"])
+def test_units_in_vague_words_count_unless_another_is_said(tmp_path, plain, comment, caplog):
+    path = write(tmp_path, WALK, (f"{comment}\ntime,id,x,y",))
+    assert_same(tracks(path, unit="m"), plain)
+    assert "a comment speaks of cm, and lengths are read as m, as was said" in caplog.text
+    rows = [(t, who, 100 * x, 100 * y) for t, who, x, y in WALK]
+    found = tracks(write(tmp_path, rows, (f"{comment}\ntime,id,x,y",)))
+    np.testing.assert_allclose(found.position, plain.position)
