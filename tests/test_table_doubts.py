@@ -261,3 +261,126 @@ def test_units_in_vague_words_count_unless_another_is_said(tmp_path, plain, comm
     rows = [(t, who, 100 * x, 100 * y) for t, who, x, y in WALK]
     found = tracks(write(tmp_path, rows, (f"{comment}\ntime,id,x,y",)))
     np.testing.assert_allclose(found.position, plain.position)
+
+
+# Axes
+
+
+def crowd_rows(seed, corridor=False, rate_hz=10.0, seconds=15, noise_m=0.02):
+    """Time, id, x, y of people who walk everywhere, or along a corridor."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for who in range(1, 9):
+        t = np.arange(rng.integers(0, 40), rng.integers(80, 10 * seconds)) / rate_hz
+        sway = rng.uniform(0, 6)
+        way = rng.choice([0.0, np.pi]) if corridor else rng.uniform(-3, 3)
+        way = way + 0 * t if corridor else way + np.cumsum(rng.normal(0, 0.03, len(t)))
+        steps = rng.uniform(0.7, 1.7) * np.stack([np.cos(way), np.sin(way)], axis=-1) / rate_hz
+        place = rng.uniform(0, 12, 2) * [1, 0.02 if corridor else 1] + np.cumsum(steps, axis=0)
+        if corridor:
+            place[:, 1] += 0.03 * np.sin(6 * t + sway)
+        rows += [
+            (*row,) for row in np.column_stack([t, 0 * t + who, place + rng.normal(0, noise_m, place.shape)])
+        ]
+    return np.array(sorted(rows))
+
+
+def write_columns(folder, *columns):
+    lines = [
+        " ".join(f"{value:.4f}" if k != 1 else f"{value:.0f}" for k, value in enumerate(row))
+        for row in zip(*columns, strict=True)
+    ]
+    path = folder / "untitled.txt"
+    path.write_text("\n".join(lines))
+    return path
+
+
+@given(
+    st.integers(0, 10_000),
+    st.sampled_from(["height", "confidence", "head"]),
+    st.sampled_from([2, 3]),
+    st.booleans(),
+)
+@settings(max_examples=30, deadline=None, suppress_health_check=FIXTURE)
+def test_a_column_along_which_nobody_walks_is_no_axis(tmp_path, seed, kind, at, more):
+    """A height before y or a confidence before x, if the right axis comes later."""
+    rng, (t, who, x, y) = np.random.default_rng(seed), crowd_rows(seed).T
+    other = {
+        "height": 1.7 + 0.1 * (who % 3) + rng.normal(0, 0.03, len(t)),
+        "confidence": rng.uniform(0.5, 1.0, len(t)),
+        "head": 1.6 + 0.04 * np.sin(12 * t + who),
+    }[kind]
+    columns = [t, who, x, y]
+    columns.insert(at, other)
+    path = write_columns(tmp_path, *columns, *([0 * t] if more else []))
+    with pytest.raises(
+        SourceError, match=rf"column {at + 1} should be {'xy'[at - 2]}, .*column 5.*--columns"
+    ):
+        tracks(path)
+    names = ["time", "id", "x", "y", *(["more"] if more else [])]
+    names.insert(at, "other")
+    np.testing.assert_allclose(
+        tracks(path, columns=tuple(names)).position, np.stack([x, y], axis=-1), atol=1e-4
+    )
+
+
+@given(
+    st.integers(0, 10_000),
+    st.sampled_from([False, True, True]),
+    st.sampled_from(
+        [
+            "age",
+            "heading",
+            "degrees",
+            "vx",
+            "speed",
+            "way",
+            "pixel",
+            "height",
+            "slope",
+            "door",
+            "count",
+            "next",
+        ]
+    ),
+)
+@settings(max_examples=80, deadline=None, suppress_health_check=FIXTURE)
+def test_columns_behind_the_ground_change_nothing(tmp_path, seed, corridor, kind):
+    """Also where people walk along one axis: the others are computed from it or from times, or no places."""
+    rng, (t, who, x, y) = np.random.default_rng(seed), crowd_rows(seed, corridor).T
+    vx, heading, way, age = (np.zeros(len(t)) for _ in range(4))
+    for one in np.unique(who):
+        mine = who == one
+        steps = np.diff(np.stack([x, y])[:, mine], axis=1, prepend=np.nan)
+        steps[:, 0] = steps[:, 1]
+        vx[mine], heading[mine] = 10 * steps[0], np.arctan2(steps[1], steps[0])
+        way[mine] = np.cumsum(np.linalg.norm(steps, axis=0))
+        age[mine] = t[mine] - t[mine].min()
+    column = {
+        "age": age,
+        "heading": heading,
+        "degrees": np.degrees(heading),
+        "vx": vx,
+        "speed": abs(vx),
+        "way": way,
+        "pixel": 320 + 45 * x,
+        "height": 1.7 + rng.normal(0, 0.03, len(t)),
+        "slope": 0.3 * x + 1.7,
+        "door": np.hypot(x - 30, y - 1),
+        "count": np.arange(len(t)),
+        "next": x + 0.4 * vx,
+    }[kind]
+    path = write_columns(tmp_path, t, who, x, y, column)
+    np.testing.assert_allclose(tracks(path).position, np.stack([x, y], axis=-1), atol=1e-4)
+
+
+def test_a_depth_is_noticed_as_z_is(tmp_path):
+    rows = [(t, who, x, round(1.7 + 0.02 * math.sin(9 * t), 3), y) for t, who, x, y in WALK]
+    with pytest.raises(SourceError, match=r"y looks like a height"):
+        tracks(write(tmp_path, rows, (*TITLES, "depth")))
+
+
+def test_degrees_beside_an_altitude_are_called_degrees(tmp_path):
+    rows = [(t, who, 8.5 + 1e-5 * x, 47.3 + 1e-5 * y, 440 + 3 * math.sin(t)) for t, who, x, y in WALK]
+    with pytest.raises(SourceError, match="look like degrees"):
+        tracks(write(tmp_path, rows, (*TITLES, "z")))

@@ -19,6 +19,7 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
+from pedpred.sources.axes import Values, misplaced_axis
 from pedpred.sources.plausibility import check_places, ids_come_first
 from pedpred.tables.clocks import set_time
 from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
@@ -72,12 +73,13 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     rows = still.watched(with_positions(path, rows, (2, 3), 0))
     rows = with_decimal_points(path, rows, range(len(COLUMNS)), lines.separator)
     both = Ids(path, COLUMNS[0], _REMEDY), Ids(path, COLUMNS[1], _REMEDY)
-    rows = both[1].numbered(both[0].numbered(rows, 0), 1)
+    values_of = Values(range(len(COLUMNS), len(first)))
+    rows = values_of.watched(both[1].numbered(both[0].numbered(rows, 0), 1))
     columns = read_numbers(path, rows, titles, dict(zip(COLUMNS, _NAMES, strict=True)), _WRONG)
     if moves := still.moving_column():
         problem = f"without a header, column {_Y + 1} should be y, but it {moves[1]}"
         raise SourceError(path, None, problem, _IN_ORDER)
-    x = columns["x_m"].copy()
+    written = np.stack([columns[name] for name in LENGTHS])
     unit = unit_of_lengths(path, lines.comments, options)
     if unit == PIXELS and len(titles) > len(COLUMNS):
         problem = f"without a header, {len(titles)} columns in pixels may be those of boxes"
@@ -101,8 +103,14 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         order, clock_is = ("id", "frame"), f"{rate_hz:g} Hz"
         values["frame"] = _frames(clock, columns[names[1]])
     set_time(path, values, None, rate_hz)
-    if still.others_change() and (cause := _other_than_x(x, values["track_id"], values["time_s"])):
+    keys = values["track_id"], values["time_s"]
+    if still.others_change() and (cause := _other_than_x(written[0], *keys)):
         raise SourceError(path, None, f"without a header, column 3 should be x, but it {cause}", _IN_ORDER)
+    if misplaced := misplaced_axis(written, values_of.array(), *keys):
+        taken, other = misplaced[0] + COLUMNS.index("x"), misplaced[1] + len(COLUMNS)
+        problem = f"without a header, column {taken + 1} should be {COLUMNS[taken]}, but people hardly move "
+        problem += f"along it, and they do along column {other + 1}"
+        raise SourceError(path, None, problem, _IN_ORDER)
     doubt_restarts(path, values)
     values = without_copies(path, without_untracked(path, values), options.names)
     shown = ", ".join(order if ids_first else order[::-1])

@@ -54,7 +54,8 @@ class Still:
             return None
         width = {k: most - least for k, (least, most) in self._range.items()}
         least = max(_MUCH * width[self._at], _FAR * width[self._beside])
-        far = [k for k in self._others if width[k] > least]
+        most = width[self._beside] / _FAR  # else x does not change, either, as in degrees beside an altitude
+        far = [k for k in self._others if least < width[k] < most]
         return (far[0], f"changes by {width[self._at]:.3g} in all") if far else None
 
 

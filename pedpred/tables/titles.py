@@ -151,8 +151,9 @@ def is_part_of_time(title: str) -> bool:
 
 
 def columns_of_heights(titles: Sequence[str]) -> list[int]:
-    """Columns that a title calls z, which may be the second axis of the ground instead of y."""
-    return [at for at, title in enumerate(titles) if _is_called(title, {"z"}, {*_PLACE, *LENGTH_WORDS})]
+    """Columns that a title calls z or depth, which may be the second axis of the ground instead of y."""
+    beside = {*_PLACE, *LENGTH_WORDS}
+    return [at for at, title in enumerate(titles) if _is_called(title, {"z", "depth"}, beside)]
 
 
 def _is_called(title: str, needed: set[str], beside: set[str]) -> bool:
