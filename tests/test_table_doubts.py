@@ -384,3 +384,26 @@ def test_degrees_beside_an_altitude_are_called_degrees(tmp_path):
     rows = [(t, who, 8.5 + 1e-5 * x, 47.3 + 1e-5 * y, 440 + 3 * math.sin(t)) for t, who, x, y in WALK]
     with pytest.raises(SourceError, match="look like degrees"):
         tracks(write(tmp_path, rows, (*TITLES, "z")))
+
+
+# Frames
+
+
+@pytest.mark.parametrize("header", [("frame", *TITLES[1:]), None])
+@pytest.mark.parametrize("every", [2, 6, 10])
+def test_the_rate_of_annotations_is_not_that_of_frame_numbers(tmp_path, plain, header, every, caplog):
+    """Where each tenth frame of 25 Hz was annotated, 2.5 frames per second is often said of these."""
+    rows = [(every * frame, *row) for frame, *row in FRAMES]
+    path = write(tmp_path, rows, header, " ")
+    assert_same(tracks(path, rate_hz=4.0 * every), plain)
+    assert not caplog.text
+    tracks(path, rate_hz=4.0)
+    right = f"say --rate {4 * every}: 1.4 m/s"
+    assert (f"multiples of {every}: at 4 frames per second" in caplog.text and right in caplog.text) == (
+        every > 2
+    )
+    if header is None:
+        path.write_text(f"# 4 fps\n{path.read_text()}")
+        caplog.clear()
+        tracks(path)
+        assert (f"correct it to {4 * every}: 1.4 m/s" in caplog.text) == (every > 2)

@@ -27,6 +27,8 @@ _FAR = 4.0
 """Of tracks that are too fast, steps must be shorter by this factor."""
 _JUMP_MPS, _SLOWEST_MPS = 12.0, 0.05
 """Nobody runs as fast as the first. Walkers exceed a speed between the others in 1 % of the time."""
+_CRAWL_MPS, _WALK_MPS = 0.3, 0.5
+"""Nobody is as slow as the first all the time, and walkers exceed the second."""
 _USUAL_MPS = 3.0
 """Where it lies at most in the unit that is meant."""
 _LIKELY = ("m", "ft", "cm", "mm")
@@ -216,6 +218,30 @@ def doubt_fractions(path: Path, people: Trajectories) -> None:
         text = "%s: all positions lie from 0 to 1: are they parts of a picture's width and height? %s"
         remedy = worded("make pixels of them, and give --scale or --homography", "bring them to metres first")
         _log.warning(text, path, f"Then {remedy}")
+
+
+def doubt_rate(path: Path, people: Trajectories, rate_hz: float, by_caller: bool) -> None:
+    """Warn if people hardly walk, and would if the rate were that of the frames that are there.
+
+    Args:
+        path: the file, for messages.
+        people: what was read from it.
+        rate_hz: frames per second, by which frame numbers were divided.
+        by_caller: whether the caller has said it, and not the file.
+    """
+    frames = np.unique(np.rint(people.time_s * rate_hz).astype(np.int64))
+    every, speed_mps = int(np.gcd.reduce(np.diff(frames))) if len(frames) > 1 else 1, _speeds_mps(people)
+    usual_mps = float(np.percentile(speed_mps, 99)) if len(speed_mps) else np.inf
+    if every > 1 and usual_mps < _CRAWL_MPS and _WALK_MPS < every * usual_mps <= _USUAL_MPS:
+        text = (
+            "%s: frame numbers are multiples of %d: at %g frames per second people move at up to %.2g m/s; %s"
+        )
+        right = f"{every * rate_hz:g}"
+        say = (
+            f"say {worded(f'--rate {right}', f'rate_hz={right}')}" if by_caller else f"correct it to {right}"
+        )
+        instead = f"if there are {rate_hz:g} of these per second, {say}: {every * usual_mps:.2g} m/s"
+        _log.warning(text, path, every, rate_hz, usual_mps, instead)
 
 
 def check_titles(path: Path, people: Trajectories) -> None:

@@ -100,7 +100,7 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         rate_hz = frame_rate_hz(path, lines.comments, options.rate_hz)
         if rate_hz is None:
             raise SourceError(path, None, *NO_RATE)
-        order, clock_is = ("id", "frame"), f"{rate_hz:g} Hz"
+        order, clock_is, options.found.rate_hz = ("id", "frame"), f"{rate_hz:g} Hz", rate_hz
         values["frame"] = _frames(clock, columns[names[1]])
     set_time(path, values, None, rate_hz)
     keys = values["track_id"], values["time_s"]

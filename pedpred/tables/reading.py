@@ -250,6 +250,7 @@ def _read(
     units |= {clock: None if dates.read_dates else _said(titles[at[clock]])}
     with translate_errors(lambda problem: SourceError(path, None, problem, OWN_VALUES)):
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
+        options.found.rate_hz = rate_hz
         if clock != "frame" and options.rate_hz:
             text = f"%s: times are in column %s, so that {worded('--rate', 'rate_hz')} is not used"
             _log.warning(text, path, titles[at[clock]])
