@@ -407,3 +407,110 @@ def test_the_rate_of_annotations_is_not_that_of_frame_numbers(tmp_path, plain, h
         caplog.clear()
         tracks(path)
         assert (f"correct it to {4 * every}: 1.4 m/s" in caplog.text) == (every > 2)
+
+
+# Columns beside
+
+
+def warned(caplog, path, **options):
+    """What is said about a file."""
+    caplog.clear()
+    with caplog.at_level(logging.WARNING):
+        tracks(path, **options)
+    return caplog.text
+
+
+@pytest.mark.parametrize(
+    "title", ["visible", "is_valid", "isVisible", "detected", "tracked", "in_frame", "is person"]
+)
+def test_flags_of_who_was_seen(tmp_path, title, caplog):
+    rows = [(*row, int(row[0] > 2)) for row in WALK]
+    said = warned(caplog, write(tmp_path, rows, (*TITLES, title)))
+    assert f"column {title} is False in 18 rows, which are read like others" in said
+
+
+@pytest.mark.parametrize("title", ["occluded", "is_occluded", "Lost", "is_robot", "out_of_frame"])
+def test_flags_of_nobody(tmp_path, title, caplog):
+    rows = [(*row, row[0] > 2) for row in WALK]
+    said = warned(caplog, write(tmp_path, rows, (*TITLES, title)))
+    assert f"column {title} is True in {len(WALK) - 18} rows, which are read like others" in said
+
+
+@pytest.mark.parametrize("title", ["person_visible_share", "robot", "is", "vehicle", "detected_by"])
+def test_no_flags(tmp_path, title, caplog):
+    assert not warned(caplog, write(tmp_path, [(*row, int(row[0] > 2)) for row in WALK], (*TITLES, title)))
+
+
+@pytest.mark.parametrize(
+    "title",
+    [
+        "filename",
+        "file_name",
+        "source",
+        "src_file",
+        "part",
+        "level",
+        "Stockwerk",
+        "\u00e9tage",
+        "Etage",
+        "Ebene",
+    ],
+)
+def test_files_and_floors_in_one_table_are_warned_about(tmp_path, title, caplog):
+    rows = [(*row, "ab"[row[1] - 1]) for row in WALK]
+    said = warned(caplog, write(tmp_path, rows, (*TITLES, title)))
+    assert f"column {title} holds a, b: all are read as one recording on one ground" in said
+
+
+@given(
+    st.floats(-5, 5),
+    st.floats(2.2, 20),
+    st.sampled_from(["m", "cm", "mm"]),
+    st.sampled_from(["z [{}]", "z_{}", "pos z in {}"]),
+)
+@settings(deadline=None, suppress_health_check=FIXTURE)
+def test_heights_of_two_floors_are_warned_about(tmp_path, low_m, apart_m, unit, title):
+    one = {"m": 1, "cm": 100, "mm": 1000}[unit]
+    messages = []
+    for apart in (apart_m, 0.3):
+        rows = [
+            (*row, round(one * (low_m + apart * (row[1] - 1) + 0.04 * math.sin(k)), 3))
+            for k, row in enumerate(WALK)
+        ]
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(
+                "pedpred.tables.reading._log.warning", lambda *args: messages.append(args[0] % args[1:])
+            )
+            tracks(write(tmp_path, rows, (*TITLES, title.format(unit))))
+    assert len(messages) == 1
+    assert "all are read as on one ground" in messages[0]
+
+
+@pytest.mark.parametrize(
+    ("titles", "doubted"),
+    [
+        ("frame,id,x,y,w,h", True),
+        ("frame,id,x,y,width,height", True),
+        ("frame,id,x_px,y_px,bbox_w,bbox_h", True),
+        ("frame,id,x_m,y_m,w,h", False),
+        ("frame,id,x,y,width,note", False),
+    ],
+)
+def test_corners_of_boxes_are_no_places(tmp_path, titles, doubted, caplog):
+    rows = [(frame, who, 40 * x, 40 * y, 20, 50) for frame, who, x, y in FRAMES]
+    if "_m" in titles:
+        rows = [(*row, 20, 50) for row in FRAMES]
+    path = write(tmp_path, rows, titles.split(","))
+    said = warned(caplog, path, rate_hz=4.0, **({} if "_m" in titles else {"pixel_m": 0.025}))
+    assert ("the middle of the lower edge" in said) == doubted
+
+
+def test_boxes_on_the_ground_and_doubts_about_a_data_frame(caplog):
+    frame = pd.DataFrame(WALK, columns=TITLES).assign(w=0.5, h=1.7)
+    pedpred.predict(frame)
+    assert "if w and h are the sides of boxes" in caplog.text
+    caplog.clear()
+    pedpred.predict(frame.assign(l=0.4))
+    assert not caplog.text
+    pedpred.predict(frame.assign(l=0.4, object_x=2.0, object_y=frame.y))
+    assert "x and y are read as the places of people, and object_x and object_y are not" in caplog.text

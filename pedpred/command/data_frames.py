@@ -33,6 +33,8 @@ from pedpred.tables.titles import (
     columns_of_heights,
     columns_of_recordings,
     joined_titles,
+    other_pairs,
+    sides_of_boxes,
     titles_of_tracks,
 )
 
@@ -100,7 +102,10 @@ def _people_in(
     named = titles_of_tracks(titles)
     begin = table.iloc[:_LOOKED_AT]
     labels = columns_of_labels(titles, list(_rows(column for _, column in begin.items())))
-    others = {*named, *_others(titles), *labels}
+    doubtful = {
+        title for find in (other_pairs, sides_of_boxes) for pair in find(titles, named) for title in pair
+    }
+    others = {*named, *_others(titles), *labels, *doubtful}
     looked_at = [title for title in dict.fromkeys(titles) if title in others]
     values = {title: table.iloc[:, titles.index(title)] for title in looked_at}
     (id_title,) = (title for title, name in named.items() if name == "track_id")

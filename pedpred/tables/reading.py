@@ -39,7 +39,7 @@ from pedpred.tables.detections import (
     without_untracked,
 )
 from pedpred.tables.fractions import check_fractions
-from pedpred.tables.heights import Still
+from pedpred.tables.heights import Floors, Still
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import Lines, lines_of, of_width
 from pedpred.tables.options import TableOptions
@@ -57,7 +57,9 @@ from pedpred.tables.titles import (
     naming,
     numbered_pairs,
     other_pairs,
+    sides_of_boxes,
     titles_of_tracks,
+    unit_in,
 )
 from pedpred.tables.units import PIXELS, UNITS
 
@@ -177,7 +179,7 @@ def _doubt_one_recording(path: Path, title: str, counts: Counter[str]) -> None:
     if 1 < len(values) <= max(_FEW_RECORDINGS, min(_MOST_RECORDINGS, counts.total() / _FEWEST_ROWS)):
         shown = ", ".join(values[:_SHOWN_NAMES]) + ", ..." * (len(values) > _SHOWN_NAMES)
         part = f"divide the {worded('file', 'table')} if they are several"
-        text = f"%s: column %s holds %s: all are read as one recording; {part}"
+        text = f"%s: column %s holds %s: all are read as one recording on one ground; {part}"
         if is_part_of_time(title):
             text += ", or write one column of times if they are parts of these"
         _log.warning(text, path, title, shown)
@@ -187,7 +189,9 @@ def _doubt_unseen(path: Path, title: str, counts: Counter[str], of_nobody: bool)
     """Warn if a column of flags has the value of somebody who was not seen."""
     unseen = sum(count for value, count in counts.items() if _TRUTH.get(value.lower()) is of_nobody)
     if unseen:
-        text = "%s: column %s is %s in %d rows, which are read like others: remove them if nobody was seen"
+        text = (
+            "%s: column %s is %s in %d rows, which are read like others: remove them if they are about nobody"
+        )
         _log.warning(text, path, title, of_nobody, unseen)
 
 
@@ -206,6 +210,16 @@ def tracks_in_rows(
         SourceError: columns are missing, or a value is wrong; it names the line.
     """
     return _read(path, header, of_width(path, rows, header), options)
+
+
+def _doubt_one_floor(path: Path, titles: Sequence[str], floors: Floors, unit: str | None) -> None:
+    """Warn if heights are those of several floors; their unit is that of x where no title says it."""
+    for at in floors.columns:
+        its_unit = unit_in(titles[at]) or unit or "m"
+        if apart := floors.apart(at, UNITS.get(its_unit, 0.0)):
+            text = "%s: column %s is up to %.4g or from %.4g: all are read as on one ground; %s"
+            part = f"divide the {worded('file', 'table')} if these are floors"
+            _log.warning(text, path, titles[at], *apart, part)
 
 
 def _named(columns: str = "time,id,x,y") -> str:
@@ -236,7 +250,8 @@ def _read(
     dates = Dates(path, titles[at[clock]], at[clock], days)
     numbers = [column for name, column in at.items() if not name.endswith("_id")]
     rows = with_decimal_points(path, rows, numbers, lines.separator if lines else None)
-    rows = still.watched(dates.in_seconds(rows))
+    floors = Floors([] if options.columns else columns_of_heights(titles, ("z",)))
+    rows = floors.watched(still.watched(dates.in_seconds(rows)))
     rows = ids.numbered(rows, at["track_id"])
     optional = set(at) - {clock, REST, "track_id", *LENGTHS}
     columns = read_numbers(path, rows, titles, wanted, OWN_FILE, optional)
@@ -247,6 +262,7 @@ def _read(
     if moves := still.moving_column():
         problem = f"{titles[at['y_m']]} {moves[1]}, and {titles[moves[0]]} changes: y looks like a height"
         raise SourceError(path, None, problem, _named("time,id,x,height,y"))
+    _doubt_one_floor(path, titles, floors, units["x_m"])
     units |= {clock: None if dates.read_dates else _said(titles[at[clock]])}
     with translate_errors(lambda problem: SourceError(path, None, problem, OWN_VALUES)):
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
@@ -318,6 +334,11 @@ def _doubt_places(path: Path, titles: Sequence[str], wanted: Mapping[str, str]) 
         text = "%s: columns %s are read as the places of people, and %s and %s are not: %s if these are meant"
         choose = worded("choose them by --columns", "leave out the others")
         _log.warning(text, path, used, x, y, choose)
+    if {_said(title) for title, is_for in wanted.items() if is_for in LENGTHS} <= {None, PIXELS}:
+        for width, height in sides_of_boxes(titles, wanted):
+            text = "%s: columns %s are read as the places of people: if %s and %s are the sides of boxes, %s"
+            middle = "write the middle of the lower edge of each box in their place"
+            _log.warning(text, path, used, width, height, middle)
 
 
 def _repeated_axes(titles: Sequence[str]) -> list[str]:

@@ -62,11 +62,24 @@ _CLASS, _APART = (
         "class classes category categories type types label labels kind classification klasse typ kategorie "
         "clase tipo categoria classe categorie",
         "scene run trial recording video session experiment scenario floor storey camera cam dataset "
-        "sequence episode clip day hour topic log",
+        "sequence episode clip day hour topic log file filename source src take part "
+        "level deck etage \u00e9tage niveau stockwerk geschoss ebene piso planta piano verdieping",
     )
 )
-_FLAGS = {"valid": False, "lost": True, "outside": True, "missing": True}
-"""Titles of columns that say whether somebody was seen, and what they hold where nobody was."""
+_FLAGS = {
+    word: of_nobody
+    for words, of_nobody in (
+        ("valid visible seen detected tracked present in_frame in_view person pedestrian human ped", False),
+        ("lost outside missing occluded invalid out_of_frame out_of_view robot vehicle car", True),
+    )
+    for word in words.split()
+}
+"""Titles of columns that say whether somebody was seen, and what they hold where nobody was; perhaps with
+`is` before them, which those about people or others need."""
+_WHO = {"person", "pedestrian", "human", "ped", "robot", "vehicle", "car"}
+_BOX = {"box", "bbox", "bb", *LENGTH_WORDS}
+_SIDES, _DEEP = ({"w", "width"}, {"h", "height"}), {"l", "length", "depth"}
+"""Words for the sides of boxes in a picture; those on the ground have another one."""
 _CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
 _STEPS = {"step", "simulation", "sim"}
 _FILLERS = {"in"}
@@ -136,13 +149,19 @@ def columns_of_recordings(titles: Sequence[str]) -> list[str]:
     return [
         title
         for title in titles
-        if _is_called(title, _APART, _NUMBER | {"id", "name"}) or title.strip().lower() in minutes
+        if _is_called(title, _APART, _NUMBER | {"id", "name", "path"}) or title.strip().lower() in minutes
     ]
 
 
 def columns_of_flags(titles: Sequence[str]) -> dict[str, bool]:
     """Titles of columns that say whether somebody was seen, and what they hold where nobody was."""
-    return {title: _FLAGS[word] for title in titles if (word := title.strip().lower()) in _FLAGS}
+    flags = {}
+    for title in titles:
+        words = [part.lower() for part in _WORD.findall(title)]
+        word = "_".join(words[words[:1] == ["is"] :])
+        if word in _FLAGS and (words[0] == "is" or word not in _WHO):
+            flags[title] = _FLAGS[word]
+    return flags
 
 
 def is_part_of_time(title: str) -> bool:
@@ -150,10 +169,15 @@ def is_part_of_time(title: str) -> bool:
     return bool({part.lower() for part in _WORD.findall(title)} & (_MINUTES | {"day", "hour"}))
 
 
-def columns_of_heights(titles: Sequence[str]) -> list[int]:
+def columns_of_heights(titles: Sequence[str], words: Sequence[str] = ("z", "depth")) -> list[int]:
     """Columns that a title calls z or depth, which may be the second axis of the ground instead of y."""
-    beside = {*_PLACE, *LENGTH_WORDS}
-    return [at for at, title in enumerate(titles) if _is_called(title, {"z", "depth"}, beside)]
+    beside = {*_PLACE, *LENGTH_WORDS, *_FILLERS}
+    return [at for at, title in enumerate(titles) if _is_called(title, set(words), beside)]
+
+
+def unit_in(title: str) -> str | None:
+    """The unit of length in the title of any column."""
+    return next((LENGTH_WORDS[word] for word in _words(title) if word in LENGTH_WORDS), None)
 
 
 def _is_called(title: str, needed: set[str], beside: set[str]) -> bool:
@@ -272,6 +296,16 @@ def other_pairs(titles: Sequence[str], wanted: Mapping[str, str]) -> list[tuple[
         if not used & set(pair) and PIXELS not in {meant[title].unit for title in pair}:
             pairs += [pair] if differs or (more and not said) else []
     return pairs
+
+
+def sides_of_boxes(titles: Sequence[str], wanted: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Titles of widths and heights beside x and y that may be corners or middles of boxes in a picture."""
+    words = {title: {part.lower() for part in _WORD.findall(title)} - _BOX for title in titles}
+    free = [title for title in titles if title not in wanted]
+    sides = [[title for title in free if words[title] and words[title] <= side] for side in _SIDES]
+    if any(words[title] <= _DEEP for title in free if words[title]):
+        return []
+    return [(width, height) for width, height in zip(*sides, strict=False)]
 
 
 def _pairs(meant: Mapping[str, Meaning]) -> list[tuple[str, str]]:
