@@ -514,3 +514,31 @@ def test_boxes_on_the_ground_and_doubts_about_a_data_frame(caplog):
     assert not caplog.text
     pedpred.predict(frame.assign(l=0.4, object_x=2.0, object_y=frame.y))
     assert "x and y are read as the places of people, and object_x and object_y are not" in caplog.text
+
+
+# Nobody
+
+
+@given(
+    st.lists(st.sampled_from(["", "NaN", "null", "-1", "None", "<NA>"]), min_size=1, max_size=4),
+    st.booleans(),
+    st.data(),
+)
+@settings(deadline=None, suppress_health_check=FIXTURE)
+def test_detections_of_nobody_change_nothing_however_they_are_written(tmp_path, plain, nobody, named, data):
+    rows = [(t, f"P{who}" if named else who, x, y) for t, who, x, y in WALK]
+    for k, name in enumerate(nobody):
+        rows.insert(data.draw(st.integers(0, len(rows))), (0.25 * k, name, 90.0 + k, 9.0))
+    found = tracks(write(tmp_path, rows))
+    np.testing.assert_array_equal(found.position, plain.position)
+    np.testing.assert_array_equal(found.time_s, plain.time_s)
+
+
+def test_detections_of_nobody_are_counted(tmp_path, caplog):
+    rows = [*WALK, (0, "", 9, 9), (0.25, "nan", 9, 9)]
+    said = warned(caplog, write(tmp_path, rows))
+    assert (
+        "rows without an id are about nobody who was tracked, and left out: 2, the first in line 50" in said
+    )
+    with pytest.raises(SourceError, match="line 2: id = '', but everybody needs an id"):
+        tracks(write(tmp_path, [(t, "", x, y) for t, _, x, y in WALK]))

@@ -112,7 +112,7 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         problem += f"along it, and they do along column {other + 1}"
         raise SourceError(path, None, problem, _IN_ORDER)
     doubt_restarts(path, values)
-    values = without_copies(path, without_untracked(path, values), options.names)
+    values = without_copies(path, without_untracked(path, values, options.names), options.names)
     shown = ", ".join(order if ids_first else order[::-1])
     _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit or "m", clock_is)
     with translate_errors(partial(SourceError, path, None, remedy=OWN_VALUES)):

@@ -252,7 +252,7 @@ def _read(
     rows = with_decimal_points(path, rows, numbers, lines.separator if lines else None)
     floors = Floors([] if options.columns else columns_of_heights(titles, ("z",)))
     rows = floors.watched(still.watched(dates.in_seconds(rows)))
-    rows = ids.numbered(rows, at["track_id"])
+    rows = ids.numbered(rows, at["track_id"], places)
     optional = set(at) - {clock, REST, "track_id", *LENGTHS}
     columns = read_numbers(path, rows, titles, wanted, OWN_FILE, optional)
     wanted = {title: name for title, name in wanted.items() if name in columns}
@@ -278,7 +278,7 @@ def _read(
             check_fractions(path, columns, ((line, fields[at[clock]]) for line, fields in again))
         set_time(path, columns, units[clock], rate_hz)
         doubt_restarts(path, columns)
-        columns = without_copies(path, without_untracked(path, columns), options.names)
+        columns = without_copies(path, without_untracked(path, columns, options.names), options.names)
         del columns["line"]
         if lines is not None:
             used = wanted | ({titles[days]: "date"} if days is not None and dates.read_days else {})
