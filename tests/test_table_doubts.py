@@ -542,3 +542,30 @@ def test_detections_of_nobody_are_counted(tmp_path, caplog):
     )
     with pytest.raises(SourceError, match="line 2: id = '', but everybody needs an id"):
         tracks(write(tmp_path, [(t, "", x, y) for t, _, x, y in WALK]))
+
+
+# Names of rows
+
+
+@given(
+    st.sampled_from([" ", ",", ";", "\t"]),
+    st.lists(st.integers(0, 10**6), unique=True, min_size=48, max_size=48),
+)
+@settings(deadline=None, suppress_health_check=FIXTURE)
+def test_names_of_rows_may_be_any_as_r_writes_them(tmp_path, plain, separator, numbers):
+    """Of a table from which rows were taken, or whose rows are in another order."""
+    rows = [(f'"{number}"', *row) for number, row in zip(numbers, WALK, strict=True)]
+    header = [f'"{title}"' for title in TITLES]
+    assert_same(tracks(write(tmp_path, rows, header, separator)), plain)
+
+
+def test_a_value_too_many_is_no_name_of_a_row(tmp_path):
+    header = [f'"{title}"' for title in TITLES]
+    named = [(f'"{k}"', *row) for k, row in enumerate(WALK)]
+    with pytest.raises(SourceError, match="line 4: 4 columns, expected 5: name of the row time"):
+        tracks(write(tmp_path, [*named[:2], WALK[2], *named[3:]], header))
+    commas = [(f'"{who}"', t, x, 5, y) for t, who, x, y in WALK]
+    with pytest.raises(SourceError, match="line 4: 5 columns, expected 4: id time x y"):
+        tracks(write(tmp_path, commas, [f'"{title}"' for title in ("id", "time", "x", "y")]))
+    with pytest.raises(SourceError, match="line 2: 5 columns, expected 4"):
+        tracks(write(tmp_path, [(k, *row) for k, row in enumerate(WALK, 7)], header))
