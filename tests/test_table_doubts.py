@@ -569,3 +569,38 @@ def test_a_value_too_many_is_no_name_of_a_row(tmp_path):
         tracks(write(tmp_path, commas, [f'"{title}"' for title in ("id", "time", "x", "y")]))
     with pytest.raises(SourceError, match="line 2: 5 columns, expected 4"):
         tracks(write(tmp_path, [(k, *row) for k, row in enumerate(WALK, 7)], header))
+
+
+# Spellings
+
+
+@pytest.mark.parametrize("titles", ["x (in),y (in)", "x [in],y [in]", "X(IN),Y(IN)"])
+def test_in_between_brackets_means_inches(tmp_path, plain, titles):
+    rows = [(t, who, x / 0.0254, y / 0.0254) for t, who, x, y in WALK]
+    found = tracks(write(tmp_path, rows, ("time", "id", *titles.split(","))))
+    np.testing.assert_allclose(found.position, plain.position)
+
+
+@pytest.mark.parametrize("title", ["tag", "tagId", "tag_id", "tracker_id", "mac", "Tag No", "badge"])
+def test_what_people_wear_is_their_id_where_no_title_says_more(tmp_path, plain, title):
+    assert_same(tracks(write(tmp_path, WALK, ("time", title, "x", "y"))), plain)
+    rows = [(*row, 7) for row in WALK]
+    for who in ("id", "person", "person_id"):
+        assert_same(tracks(write(tmp_path, rows, ("time", who, "x", "y", title))), plain)
+
+
+@pytest.mark.parametrize(("header", "at"), [(TITLES, 0), (TITLES, 2), (TITLES, 3), (None, 2), (None, 3)])
+def test_underscores_are_no_digits(tmp_path, header, at):
+    rows = [list(row) for row in WALK]
+    rows[9][at] = "1_50"
+    with pytest.raises(SourceError, match=r"line \d+: \w+ = '1_50' is not a number"):
+        tracks(write(tmp_path, rows, header))
+
+
+def test_marks_of_files_that_were_joined_say_nothing(tmp_path, plain):
+    path = write(tmp_path, WALK[:24])
+    other = write(tmp_path, WALK[24:], name="other.csv")
+    joined = "\ufeff" + path.read_text() + "\n\ufeff" + other.read_text()
+    for text in (joined, joined.replace("\ufefftime", "\ufeff\n\ufefftime")):
+        path.write_text(text, encoding="utf-8")
+        assert_same(tracks(path), plain)

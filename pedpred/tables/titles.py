@@ -83,6 +83,8 @@ _SIDES, _DEEP = ({"w", "width"}, {"h", "height"}), {"l", "length", "depth"}
 _CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
 _STEPS = {"step", "simulation", "sim"}
 _FILLERS = {"in"}
+_TAGS = {"tag", "tracker", "badge", "mac"}
+"""What people wear, or who tracks them: its number is their id where no title says more."""
 _MINUTES = {"min", "mins", "minute", "minutes"}
 _LETTERS = {"m", "s"}  # no unit before another word without a sign between them
 _DEGREES = {"lon", "lat", "lng", "long", "longitude", "latitude", "deg", "degree", "degrees"}
@@ -90,6 +92,7 @@ _KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *_STEPS, *LENGTH_WORDS, *TIME_
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]+")
 _SIGN = re.compile(r"[^\w\s\-./()\[\]{}:,#]")
 """Signs that change what a title means, such as those of inches and degrees."""
+_INCHES = re.compile(r"[(\[{]\s*in\s*[)\]}]", re.IGNORECASE)
 _FIELD, _UNNAMED = "field.", re.compile(r"Unnamed: \d+_level_\d+")
 _SHORTEST_ALONE = 3
 """A unit of time may stand alone in a title (`sec`), but no letter or two (`s`), which may mean anything."""
@@ -207,7 +210,9 @@ def _name(said: set[str], words: set[str], units: Sequence[str]) -> str | None:
 def _words(title: str) -> list[str]:
     """The words of a title in lower case without accents; an unknown one may be two (`xcm`, `trackid`)."""
     words: list[str] = []
-    plain = title.replace("\u00b5", "u").replace("\u03bc", "u").replace("\u00df", "ss")
+    plain = (
+        _INCHES.sub(r" inch ", title).replace("\u00b5", "u").replace("\u03bc", "u").replace("\u00df", "ss")
+    )
     plain = "".join(sign for sign in unicodedata.normalize("NFKD", plain) if not unicodedata.combining(sign))
     for part in _WORD.findall(plain):
         word = part.lower()
@@ -255,6 +260,10 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
     meant = {title: meaning for title in titles if (meaning := meaning_of(title))}
     if not any(meaning.name == "track_id" for meaning in meant.values()):
         meant |= {title: Meaning("track_id") for title, m in meant.items() if m.name == "person_id"}
+    if not any(meaning.name == "track_id" for meaning in meant.values()):
+        meant |= {
+            title: Meaning("track_id") for title in titles if _is_called(title, _TAGS, {"id", *_NUMBER})
+        }
     clock = _clock(meant)
     of_people = _pairs_of_people(meant)
     wanted: dict[str, str] = {}
