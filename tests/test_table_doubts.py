@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import pedpred
 from pedpred.errors import SourceError
 from pedpred.tables.classes import is_person
-from pedpred.tables.titles import titles_of_tracks
+from pedpred.tables.titles import sides_of_boxes, titles_of_tracks
 from tests.scenes import assert_same
 from tests.test_table_traits import COUNT, FIXTURE, STEP_S, TITLES, WALK, tracks, write
 
@@ -166,6 +166,7 @@ def test_classes_in_data_frames_are_found_by_what_they_hold(change, caplog):
     [
         *("pedestrian", "Person", "human.pedestrian.adult", "pedestrian with bike", "person_on_phone"),
         *("human.pedestrian.personal_mobility", "person walking dog", "pedestrian without bike", ""),
+        *("pedestrian/bicycle", "agents/human/pedestrian", "Pedestrian/Cyclist"),
     ],
 )
 def test_labels_of_people(label):
@@ -177,6 +178,7 @@ def test_labels_of_people(label):
     [
         *("non-pedestrian", "not a person", "NOT_PEDESTRIAN", "person_on_bike", "people mover", "no person"),
         *("pedestrian crossing", "human-driven car", "vehicle.person_carrier", "person statue", "dog"),
+        *("bicycle/person", "vehicle/person_carrier"),
     ],
 )
 def test_labels_of_others_may_have_a_word_for_people(label, tmp_path, plain):
@@ -505,6 +507,19 @@ def test_corners_of_boxes_are_no_places(tmp_path, titles, doubted, caplog):
     assert ("the middle of the lower edge" in said) == doubted
 
 
+def test_x_and_y_beside_corners_are_no_corners():
+    beside = ("frame", "id", "left", "top", "width", "height", "x", "y")
+    assert not sides_of_boxes(beside, {"frame": "frame", "id": "track_id", "x": "x_m", "y": "y_m"})
+
+
+def test_boxes_of_visdrone_have_no_places_behind_them(tmp_path):
+    rows = [
+        (frame, who, round(400 + 40 * x), round(40 * y), 20, 50, 1, who, 0, 1) for frame, who, x, y in FRAMES
+    ]
+    with pytest.raises(SourceError, match=r"boxes of MOTChallenge.*frame,id,x_px,y_px"):
+        tracks(write(tmp_path, rows, None), rate_hz=4.0)
+
+
 def test_boxes_on_the_ground_and_doubts_about_a_data_frame(caplog):
     frame = pd.DataFrame(WALK, columns=TITLES).assign(w=0.5, h=1.7)
     pedpred.predict(frame)
@@ -532,6 +547,12 @@ def test_detections_of_nobody_change_nothing_however_they_are_written(tmp_path, 
     found = tracks(write(tmp_path, rows))
     np.testing.assert_array_equal(found.position, plain.position)
     np.testing.assert_array_equal(found.time_s, plain.time_s)
+
+
+def test_rows_without_an_id_and_a_place_are_something_else(tmp_path):
+    """Such as a second row of units, which must not be passed over."""
+    with pytest.raises(SourceError, match="line 2: id = '', but everybody needs an id"):
+        tracks(write(tmp_path, [("", "", "(furlong)", "(furlong)"), *WALK], ("time", "id", "x", "y")))
 
 
 def test_detections_of_nobody_are_counted(tmp_path, caplog):

@@ -144,14 +144,25 @@ def _check_columns(path: Path, line: int, fields: Sequence[str]) -> None:
 
 
 def _is_box(fields: Sequence[str]) -> bool:
-    """Whether a line is one of MOTChallenge: a box, and behind it -1 three times, or class and visibility."""
+    """Whether a line is one of MOTChallenge: a box, and behind it -1 three times, or class and visibility.
+
+    VisDrone has class, truncation and occlusion there.
+    """
     if len(fields) not in (9, 10) or not all(map(is_number, fields)):
         return False
     _, _, _, _, width, height, sure, *rest = map(float, fields)
-    ends = rest == [-1] * 3 or (
-        len(rest) == 2 and sure in (0, 1) and rest[0].is_integer() and 0 <= rest[1] <= 1
+    ends = (
+        rest == [-1] * 3
+        or (len(fields) == 10 and _are_kinds(fields[-3:]))
+        or (len(rest) == 2 and sure in (0, 1) and rest[0].is_integer() and 0 <= rest[1] <= 1)
     )
     return ends and min(width, height) > 1
+
+
+def _are_kinds(fields: Sequence[str]) -> bool:
+    """Whether three fields are a class, and how much of a box is cut off and hidden, as VisDrone has them."""
+    kind, *shares = (field.strip() for field in fields)
+    return kind.isdecimal() and int(kind) <= 11 and set(shares) <= {"0", "1", "2"}
 
 
 def _is_box_on_ground(fields: Sequence[str]) -> bool:
@@ -159,7 +170,8 @@ def _is_box_on_ground(fields: Sequence[str]) -> bool:
     if len(fields) != len(_BOX_ON_GROUND) or not all(map(is_number, fields)):
         return False
     _, _, _, _, width, height, sure, *place = map(float, fields)
-    return height > width >= _NARROWEST_PX and abs(sure) <= 1 and place != [-1] * 3
+    is_place = place != [-1] * 3 and not _are_kinds(fields[-3:])
+    return height > width >= _NARROWEST_PX and abs(sure) <= 1 and is_place
 
 
 def _without_row_numbers(path: Path, rows: Iterator[Row]) -> Iterator[Row]:

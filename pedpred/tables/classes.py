@@ -59,10 +59,19 @@ def is_person(label: str, wanted: Collection[str] = PERSON_CLASSES) -> bool:
     folded = label.casefold()
     if not names or not folded or folded in names:
         return True
-    words = _WORD.findall(folded)
-    said = set(takewhile(lambda word: word not in _BESIDE, words))
+    said = set(takewhile(lambda word: word not in _BESIDE, _first_named(folded, names)))
     excluded = _NEGATIONS | _THINGS if names.isdisjoint(_THINGS) else _NEGATIONS
     return not names.isdisjoint(said) and said.isdisjoint(excluded)
+
+
+def _first_named(label: str, names: set[str]) -> list[str]:
+    """The words of a class up to the first alternative with a name, as in `pedestrian/bicycle`."""
+    words: list[str] = []
+    for part in label.split("/"):
+        words += _WORD.findall(part)
+        if not names.isdisjoint(words):
+            break
+    return words
 
 
 def label_of(field: str) -> str:

@@ -62,7 +62,7 @@ class Ids:
         nobody: list[int] = []
         for line, fields in rows:
             name = fields[at].strip()
-            if name.lower() in _NOBODY and places and all(fields[k].strip() for k in places):
+            if name.lower() in _NOBODY and places and all(is_number(fields[k]) for k in places):
                 nobody = nobody or [line, 0]
                 nobody[1] += 1
             elif not self.later and is_plain(name):

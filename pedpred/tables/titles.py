@@ -79,7 +79,11 @@ _FLAGS = {
 _WHO = {"person", "pedestrian", "human", "ped", "robot", "vehicle", "car"}
 _BOX = {"box", "bbox", "bb", *LENGTH_WORDS}
 _SIDES, _DEEP = ({"w", "width"}, {"h", "height"}), {"l", "length", "depth"}
-"""Words for the sides of boxes in a picture; those on the ground have another one."""
+_CORNERS = {"left", "top", "xmin", "ymin", "min"}
+"""Words for the sides of boxes in a picture, for the third side of those on the ground, and for corners.
+
+Beside corners, x and y are something else.
+"""
 _CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
 _STEPS = {"step", "simulation", "sim"}
 _FILLERS = {"in"}
@@ -312,7 +316,7 @@ def sides_of_boxes(titles: Sequence[str], wanted: Mapping[str, str]) -> list[tup
     words = {title: {part.lower() for part in _WORD.findall(title)} - _BOX for title in titles}
     free = [title for title in titles if title not in wanted]
     sides = [[title for title in free if words[title] and words[title] <= side] for side in _SIDES]
-    if any(words[title] <= _DEEP for title in free if words[title]):
+    if any(words[title] <= _DEEP or words[title] & _CORNERS for title in free if words[title]):
         return []
     return [(width, height) for width, height in zip(*sides, strict=False)]
 
