@@ -11,6 +11,7 @@ import numpy as np
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.command.foreign import ForeignForecasts, answered_by_all
+from pedpred.command.tables import aligned
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import MetricSettings, Scores
 from pedpred.forecasting import ForecastRequest
@@ -109,8 +110,6 @@ def field_table(name: str, scores: Mapping[str, Scores]) -> str:
     for method, measures in scores.items():
         means = [measures.values[key].mean() for key in _SHOWN]
         cells.append([method, *("-" if np.isnan(mean) else f"{mean:.3f}" for mean in means)])
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
     count = len(next(iter(scores.values())).track)
     about = f"{name}: {count} windows of {WINDOWS.observed_steps} + {WINDOWS.predicted_steps} annotations"
-    return "\n".join([about, *lines, "", ""])
+    return aligned(about, cells)

@@ -34,13 +34,18 @@ def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str,
     for method, row in rows.items():
         interval = " - ".join(_cell(first, end) for end in row[f"{first}_ci95"]) if _varied(row) else "-"
         cells.append((method, _cell(first, row[first]), interval, *(_cell(k, row.get(k)) for k in others)))
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
     moving = int(np.isfinite(measured.values["moving_ade_m"]).sum())
     split = f"{moving} of people who move, {some['windows'] - moving} of people who stand"
     lost = some["eligible"] - some["windows"]
     without = f"; {lost} more without truth" if lost else ""
     about = f"{name}: {some['windows']} windows of {some['tracks']} tracks ({split}{without})"
+    return aligned(about, cells)
+
+
+def aligned(about: str, cells: Sequence[Sequence[str]]) -> str:
+    """Write a line about a table, and its rows with columns of equal width."""
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
     return "\n".join([about, *lines, "", ""])
 
 

@@ -25,7 +25,13 @@ from pedpred.sources import (
 )
 from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometries import CELL_M, WALL_M
-from pedpred.sources.plausibility import check_degrees, check_speeds, check_titles, doubt_fractions
+from pedpred.sources.plausibility import (
+    check_degrees,
+    check_speeds,
+    check_titles,
+    doubt_fractions,
+    doubt_rate,
+)
 from pedpred.sources.times import check_brief, check_clock, check_digits, doubt_whole_seconds
 from pedpred.sources.untitled import read_untitled
 from pedpred.sources.walls import Walls, occupancy_of
@@ -158,6 +164,8 @@ def checked_interval_s(
     if not sure:
         check_brief(path, people)
     check_speeds(path, people, sure, fixed=fixed, said=said)
+    if options.found.rate_hz is not None:
+        doubt_rate(path, people, options.found.rate_hz, options.rate_hz is not None)
     return dt_s
 
 

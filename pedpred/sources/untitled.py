@@ -19,6 +19,7 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
+from pedpred.sources.axes import Values, misplaced_axis
 from pedpred.sources.plausibility import check_places, ids_come_first
 from pedpred.storage.tracks import tracks_of
 from pedpred.tables.clocks import set_time
@@ -73,12 +74,13 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     rows = still.watched(with_positions(path, rows, (2, 3), 0))
     rows = with_decimal_points(path, rows, range(len(COLUMNS)), lines.separator)
     both = Ids(path, COLUMNS[0], _REMEDY), Ids(path, COLUMNS[1], _REMEDY)
-    rows = both[1].numbered(both[0].numbered(rows, 0), 1)
+    values_of = Values(range(len(COLUMNS), len(first)))
+    rows = values_of.watched(both[1].numbered(both[0].numbered(rows, 0), 1))
     columns = read_numbers(path, rows, titles, dict(zip(COLUMNS, _NAMES, strict=True)), _WRONG)
     if moves := still.moving_column():
         problem = f"without a header, column {_Y + 1} should be y, but it {moves[1]}"
         raise SourceError(path, None, problem, _IN_ORDER)
-    x = columns["x_m"].copy()
+    written = np.stack([columns[name] for name in LENGTHS])
     unit = unit_of_lengths(path, lines.comments, options)
     if unit == PIXELS and len(titles) > len(COLUMNS):
         problem = f"without a header, {len(titles)} columns in pixels may be those of boxes"
@@ -98,13 +100,19 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         rate_hz = frame_rate_hz(path, lines.comments, options.rate_hz)
         if rate_hz is None:
             raise SourceError(path, None, *NO_RATE)
-        order, clock_is = ("id", "frame"), f"{rate_hz:g} Hz"
+        order, clock_is, options.found.rate_hz = ("id", "frame"), f"{rate_hz:g} Hz", rate_hz
         columns["frame"] = _frames(clock, when)
     set_time(path, columns, None, rate_hz)
-    if still.others_change() and (cause := _other_than_x(x, columns["track_id"], columns["time_s"])):
+    keys = columns["track_id"], columns["time_s"]
+    if still.others_change() and (cause := _other_than_x(written[0], *keys)):
         raise SourceError(path, None, f"without a header, column 3 should be x, but it {cause}", _IN_ORDER)
+    if misplaced := misplaced_axis(written, values_of.array(), *keys):
+        taken, other = misplaced[0] + COLUMNS.index("x"), misplaced[1] + len(COLUMNS)
+        problem = f"without a header, column {taken + 1} should be {COLUMNS[taken]}, but people hardly move "
+        problem += f"along it, and they do along column {other + 1}"
+        raise SourceError(path, None, problem, _IN_ORDER)
     doubt_restarts(path, columns)
-    columns = without_copies(path, without_untracked(path, columns), options.names)
+    columns = without_copies(path, without_untracked(path, columns, options.names), options.names)
     shown = ", ".join(order if ids_first else order[::-1])
     _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit or "m", clock_is)
     with translate_errors(partial(SourceError, path, None, remedy=OWN_VALUES)):
@@ -135,14 +143,25 @@ def _check_columns(path: Path, line: int, fields: Sequence[str]) -> None:
 
 
 def _is_box(fields: Sequence[str]) -> bool:
-    """Whether a line is one of MOTChallenge: a box, and behind it -1 three times, or class and visibility."""
+    """Whether a line is one of MOTChallenge: a box, and behind it -1 three times, or class and visibility.
+
+    VisDrone has class, truncation and occlusion there.
+    """
     if len(fields) not in (9, 10) or not all(map(is_number, fields)):
         return False
     _, _, _, _, width, height, sure, *rest = map(float, fields)
-    ends = rest == [-1] * 3 or (
-        len(rest) == 2 and sure in (0, 1) and rest[0].is_integer() and 0 <= rest[1] <= 1
+    ends = (
+        rest == [-1] * 3
+        or (len(fields) == 10 and _are_kinds(fields[-3:]))
+        or (len(rest) == 2 and sure in (0, 1) and rest[0].is_integer() and 0 <= rest[1] <= 1)
     )
     return ends and min(width, height) > 1
+
+
+def _are_kinds(fields: Sequence[str]) -> bool:
+    """Whether three fields are a class, and how much of a box is cut off and hidden, as VisDrone has them."""
+    kind, *shares = (field.strip() for field in fields)
+    return kind.isdecimal() and int(kind) <= 11 and set(shares) <= {"0", "1", "2"}
 
 
 def _is_box_on_ground(fields: Sequence[str]) -> bool:
@@ -150,7 +169,8 @@ def _is_box_on_ground(fields: Sequence[str]) -> bool:
     if len(fields) != len(_BOX_ON_GROUND) or not all(map(is_number, fields)):
         return False
     _, _, _, _, width, height, sure, *place = map(float, fields)
-    return height > width >= _NARROWEST_PX and abs(sure) <= 1 and place != [-1] * 3
+    is_place = place != [-1] * 3 and not _are_kinds(fields[-3:])
+    return height > width >= _NARROWEST_PX and abs(sure) <= 1 and is_place
 
 
 def _without_row_numbers(path: Path, rows: Iterator[Row]) -> Iterator[Row]:
