@@ -213,7 +213,7 @@ def test_of_too_many_people_those_who_came_first_are_forecast_and_others_counted
 
 def test_when_forecasts_take_too_long_late_messages_are_left_out_until_the_rest_is_in_time(caplog):
     """Waits in a queue that fills, s, and whether each message is forecast."""
-    follower = follower_of()
+    follower = follower_of(max_wait_s=2.0)
     waits = {0.0: True, 1.9: True, 2.1: False, 1.0: False, 0.3: False, 0.1: True, 1.8: True}
     for k, (waited_s, is_forecast) in enumerate(waits.items()):
         raw = serialize(PEOPLE, {"header": header((10 + k) * 10**8)})
@@ -221,6 +221,23 @@ def test_when_forecasts_take_too_long_late_messages_are_left_out_until_the_rest_
         assert bool(list(follower.answers(0.0))) == is_forecast
     assert "Forecasts take too long" in caplog.text
     assert follower.counts.slow == 3
+
+
+def test_unless_told_otherwise_no_forecast_is_of_people_who_waited_for_longer_than_a_step():
+    for waited_s, is_forecast in ((0.25, True), (0.35, False)):
+        follower = follower_of()
+        follower.people_came(serialize(PEOPLE, {"header": header(10**9)}), 0, 0.0, waited_s)
+        assert bool(list(follower.answers(0.0))) == is_forecast
+
+
+def test_diagnostics_say_that_forecasts_are_late_or_stamps_of_another_clock():
+    follower = follower_of()
+    answered(follower, named(1.0, "7"))
+    assert diagnose(follower, 0.0, 1, Counts(), latency_ms=250.0) == (0, "forecasts")
+    assert "forecasts come 1700 ms after people" in diagnose(follower, 0.0, 1, Counts(), latency_ms=1700.0)[1]
+    for age_s in (9.0, -5.0):
+        follower.people_came(named(60.0, "7"), round((60.0 + age_s) * 1e9), 0.0)
+        assert f"people are stamped {age_s:.1f} s ago" in diagnose(follower, 0.0, 1, Counts())[1]
 
 
 def test_diagnostics_say_when_people_come_and_forecasts_do_not():

@@ -256,7 +256,7 @@ def test_the_wait_for_a_transform_is_part_of_the_latency():
 
 def test_people_without_a_stamp_are_of_the_time_when_they_came_however_long_nobody_read_them():
     """Else people of a queue that is read at once seem to run."""
-    follower, xs = follower_of(), []
+    follower, xs = follower_of(max_wait_s=2.0), []
     for k in range(20):
         waited_s = 0.1 * max(15 - k, 0) if k >= 5 else 0.0  # read when the fifteenth has come
         read_ns = round((50.0 + 0.1 * k + waited_s) * 1e9)

@@ -33,8 +33,10 @@ from pedpred.tracking.tracks import TIME_TOLERANCE_S
 _LOG = logging.getLogger(__name__)
 NO_MAP = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
 """Free ground: what is assumed where no map is given."""
-_APART_S = 0.25
-"""Frames of the sensors of one robot come at most so much out of order."""
+_WHY_JUMPS = "A clock was set, a stamp is false, or a recording or simulation began again"
+_SET_BACK_S = 0.3
+"""Frames that are earlier than the last one for so long, while none is later, are of a clock that was set
+back, or that one false stamp had been ahead of."""
 
 
 class OnlinePredictor:
@@ -147,6 +149,7 @@ class OnlinePredictor:
         """Start with nobody, and with what was learned; see `read_place`."""
         self._unused = unused
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
+        self._earlier_s = (np.inf, np.inf)  # the first and the last frame since that were earlier
         self._place = place
         none, answer = np.zeros(0, int), self._network.nobody()
         _, self._last = self._forecast(self._people, place, none, answer.predictions, answer.velocities, 0.0)
@@ -187,11 +190,12 @@ class OnlinePredictor:
     ) -> Forecast:
         """Add the detections of one instant; return a forecast of each person, whose arrays are read-only.
 
-        Of a frame that is at most 0.25 s earlier than the last one, or no later, as of a second camera, those
-        count who were not detected since; forecasts are at the time of the last one again. Where nobody
+        Of a frame that is less than `max_age_s` earlier than the last one, or as late, as of a second camera,
+        those count who were not detected since; forecasts are at the time of the last one again. Where nobody
         counts, it is dropped, with a warning, and the last forecast returned. A person who is not detected is
         extrapolated for `max_age_s`, and forgotten after the model's `lost_after_s`. If time jumps by more
-        than that, forward or backward, all tracks are deleted: twice after a false stamp.
+        than that, forward or backward, or frames are earlier for 0.3 s while none is later, all tracks are
+        deleted: twice after a false stamp.
         An id that jumps farther than anybody can move is a new person. People for whom the network gives no
         valid forecast are left out, named in a warning and forgotten. Of more than `most_people`, those who
         came first are followed; the others are left out and named in a warning.
@@ -211,12 +215,14 @@ class OnlinePredictor:
         """
         frame = Frame.checked(time_s, track_id, position, velocity)
         now, longest_s = frame.time_s, self.protocol.lost_after_s + TIME_TOLERANCE_S
-        if abs(now - self._now) <= longest_s and now <= self._now + TIME_TOLERANCE_S:
+        is_earlier = abs(now - self._now) <= longest_s and now <= self._now + TIME_TOLERANCE_S
+        if is_earlier and not self._is_set_back(now):
             return self._completed(frame)
         people, place, jumps = self._people, self._place, self._jumps
-        if abs(now - self._now) > longest_s:
+        if is_earlier or abs(now - self._now) > longest_s:
             if len(people) and (now < self._now or not jumps):  # of long gaps the first one
-                _LOG.warning("time jumps from %s s to %s s (seconds?): all are forgotten", self._now, now)
+                text = "time jumps from %s s to %s s (seconds?): all are forgotten. %s"
+                _LOG.warning(text, self._now, now, _WHY_JUMPS)
             jumps += len(people) > 0
             people, place = self._nobody(), place.without_people()
         people = self._made_up(people, now - self._settings.snap_s)
@@ -224,14 +230,23 @@ class OnlinePredictor:
         people = people.select(~lost) if lost.any() else people
         self._people, self._place, self._last = self._detected(people, place, frame, now)
         self._now, self._jumps, self._lives = now, jumps, self._lives + len(frame)
+        self._earlier_s = (np.inf, np.inf)
         return self._last
+
+    def _is_set_back(self, now: float) -> bool:
+        """Note a frame that is not later than the last one: is it one of many, which rise by themselves?"""
+        first_s, last_s = self._earlier_s
+        self._earlier_s = (first_s if now > last_s else now, now)
+        return now - self._earlier_s[0] > _SET_BACK_S - TIME_TOLERANCE_S
 
     def _completed(self, frame: Frame) -> Forecast:
         """The last forecast, with people of another frame who were not detected since; nothing is learned."""
         since = self._people.seen_s > frame.time_s - TIME_TOLERANCE_S
         new = ~np.isin(frame.track_id, self._people.track_id[since], assume_unique=True)
-        if not new.any() or self._now - frame.time_s > _APART_S + TIME_TOLERANCE_S:
-            _LOG.warning("frame at %s s dropped: the last one was at %s s", frame.time_s, self._now)
+        if not new.any() or self._now - frame.time_s > self._settings.max_age_s - TIME_TOLERANCE_S:
+            if self._earlier_s[0] == frame.time_s:  # of several, the first one
+                text = "frame at %s s dropped: the last one was at %s s. %s"
+                _LOG.warning(text, frame.time_s, self._now, "Do two sources send the same people, or late?")
             return self._last
         self._people, _, self._last = self._detected(self._people, self._place, frame.select(new), self._now)
         self._lives += len(frame)

@@ -128,6 +128,7 @@ class Follower:
         heard_s: when the last people were read.
         forecast_s: when those of the last forecast were.
         came_s: when those of the last forecast came, into the queue from which they were read.
+        stamp_age_s: by how much the last people were older than the clock of their stamps when they came.
     """
 
     def __init__(
@@ -152,7 +153,7 @@ class Follower:
         self._odometry: Poses | None = None
         self._views = Views(self._latched, clock)
         self.counts, self.heard_s, self.forecast_s = Counts(), -np.inf, -np.inf
-        self.came_s = -np.inf
+        self.came_s, self.stamp_age_s = -np.inf, 0.0
         self._heard: Instant | None = None
 
     @property
@@ -291,6 +292,7 @@ class Follower:
             _log.warning("people have no stamp: the time of their arrival is taken")
             time_ns = max(clock_ns - round(waited_s * 1e9), 0)
             instant = replace(instant, stamp_s=time_ns / 1e9)
+        self.stamp_age_s = (clock_ns - time_ns) / 1e9 - waited_s
         self._heard = instant
         if len(self._waiting) >= _MOST_WAITING:  # the first ones stay: their transforms come first
             self.counts.lost += 1
