@@ -11,7 +11,7 @@ from pedpred.online import OnlinePredictor
 from pedpred.online.replay import replay_scene
 from pedpred.ros import Transform, read_bag
 from pedpred.storage.scenes import read_scene
-from tests.bags import TF, Store, moving_bag, moving_messages, transform, write_timed
+from tests.bags import PEOPLE, TF, Store, bag, moving_bag, moving_messages, transform, write_timed
 from tests.robots import ODOM, SPEED, STANDING, WALKING, from_camera, from_robot
 
 
@@ -151,3 +151,67 @@ def test_damaged_transforms_and_maps_are_left_out_and_counted(ros2, tmp_path, ca
     check(read_bag(path), ODOM, atol=0.01)
     assert "of 2 messages, which are damaged (/map: " in caplog.text
     assert "which are damaged (/tf: " in caplog.text
+
+
+def with_headers(store, found, outer, inner):
+    """The same people in messages whose elements have headers; `outer` and `inner` make both: s, frame."""
+    for time_s, topic, kind, message in found:
+        if kind == PEOPLE:
+            header, frame = store.header(*inner(time_s, message.header.frame_id)), message.header.frame_id
+            several = [
+                store.make(
+                    "people_msgs/msg/PositionMeasurement",
+                    header=header,
+                    object_id=each.name,
+                    pos=each.position,
+                )
+                for each in message.people
+            ]
+            kind = "people_msgs/msg/PositionMeasurementArray"
+            message = store.make(kind, header=store.header(*outer(time_s, frame)), people=several)
+        yield time_s, topic, kind, message
+
+
+@pytest.mark.parametrize(
+    ("outer", "inner"),
+    [
+        (lambda time_s, _: (time_s, ""), lambda time_s, frame: (time_s, frame)),
+        (lambda *_: (0.0, ""), lambda time_s, frame: (time_s, frame)),
+        (lambda time_s, frame: (time_s, frame), lambda *_: (0.0, "")),
+    ],
+    ids=["frame of the people", "frame and stamp of the people", "of the message"],
+)
+def test_people_have_the_frame_and_the_stamp_that_their_message_lacks(outer, inner, ros2, tmp_path):
+    found = list(with_headers(ros2, moving_messages(ros2), outer, inner))
+    check(read_bag(write_timed(ros2, tmp_path / "hall", found)))
+
+
+def test_people_who_name_another_frame_than_their_message_are_told(ros2, tmp_path, caplog):
+    found = moving_messages(ros2)
+    found = with_headers(
+        ros2, found, lambda time_s, frame: (time_s, frame), lambda time_s, _: (time_s, "laser")
+    )
+    check(read_bag(write_timed(ros2, tmp_path / "hall", list(found))))
+    assert (
+        "in 'base_link' by the header of their message, in 'laser' by their own: 'base_link'" in caplog.text
+    )
+
+
+def test_people_without_a_frame_are_told(ros2, tmp_path, caplog):
+    read_bag(
+        bag(
+            ros2,
+            tmp_path / "hall",
+            *((k / 10, {"1": (k / 10, 0.0)}) for k in range(20)),
+            frame="",
+            grid=False,
+        )
+    )
+    assert "people name no frame (header.frame_id)" in caplog.text
+
+
+def test_a_frame_whose_y_is_a_height_is_refused(ros2, tmp_path):
+    """A camera's, or that of a simulator whose y is up: z is the way of people, too."""
+    found = moving_messages(ros2, "world", lambda at, _: at[[0, 2, 1]] + [0.0, 0.0, 0.0], tf_s=np.zeros(0))
+    with pytest.raises(SourceError, match=r"frame_id = 'world', but z must be up \(REP 103\).*/tf"):
+        read_bag(write_timed(ros2, tmp_path / "hall", found))

@@ -244,3 +244,36 @@ def test_impossible_speeds_and_times_are_doubted(ros2, tmp_path, caplog):
     slow = [(100.0 * k, {"3": (0.1 * k, 0.0)}) for k in range(20)]
     with pytest.raises(SourceError, match=r"usually 100 s between two detections.*seconds and nanoseconds"):
         read_bag(bag(ros2, tmp_path / "ms", *slow))
+
+
+def test_detections_of_nobody_are_left_out_and_counted(ros2, tmp_path, caplog):
+    """Trackers call -1 or NaN whom they do not follow."""
+    frames = [(k / 10, [("7", (k / 10, 0.0)), ("-1", (5.0, k / 10)), ("nan", (9.0, 1.0))]) for k in range(20)]
+    scene = read_bag(bag(ros2, tmp_path / "hall", *frames))
+    assert np.unique(scene.trajectories.track_id).tolist() == [7]
+    assert "left out: 40 of 60 detections, which have no id" in caplog.text
+
+
+def test_detections_without_a_box_are_where_their_likeliest_class_is(tmp_path):
+    store, kind, messages = Filled(0), "vision_msgs/msg/Detection3DArray", []
+    for k in range(10):
+        header, several = store.header(k / 10, "map"), []
+        for number in range(2):
+            likely = [
+                store.make(
+                    "vision_msgs/msg/ObjectHypothesisWithPose",
+                    hypothesis=store.make("vision_msgs/msg/ObjectHypothesis", class_id="person", score=score),
+                    pose=store.make(
+                        "geometry_msgs/msg/PoseWithCovariance", pose=store.pose(at, 3.0 * number)
+                    ),
+                )
+                for score, at in ((0.2, 50.0), (0.9, k / 10))
+            ]
+            given = {"header": header, "id": str(number + 7), "results": likely}
+            several.append(store.make("vision_msgs/msg/Detection3D", **given))
+        messages.append(("/boxes", kind, store.make(kind, header=header, detections=several)))
+    store.write(tmp_path / "hall", messages)
+    people = read_bag(tmp_path / "hall").trajectories
+    for who, y_m in ((7, 0.0), (8, 3.0)):
+        mine = people.track_id == who
+        np.testing.assert_allclose(people.position[mine], [[k / 10, y_m] for k in range(10)], atol=1e-9)

@@ -13,7 +13,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.ros.clocks import find_false, find_missing, find_passes, in_a_row
-from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, frame_name, is_robots, lacks_height
+from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, is_robots, lacks_height
 from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.identity import check_identity
 from pedpred.ros.localisation import find_poses, without_jumps
@@ -22,7 +22,9 @@ from pedpred.ros.people import (
     LABELLED,
     TrackNumbers,
     find_usable,
+    id_of,
     labels_of,
+    stamp_and_frames,
 )
 from pedpred.ros.scene_messages import seconds
 from pedpred.scenes import Trajectories, rule_of
@@ -32,6 +34,8 @@ from pedpred.tables.placeholders import find_placeholders, left_out
 _CARRIED = re.compile(r"base_|_link|laser|lidar|velodyne|ouster|livox|camera|optical|scan|realsense|zed")
 """In names of frames that robots carry, mostly."""
 _TOLD = 5
+_FLAT_M, _WALKED_M = 0.5, 2.0
+"""Ranges of a height, and of an axis along which people walk."""
 _ROBOT_REMEDY = "a robot's frame moves: record /tf up to the map's frame too"
 
 
@@ -46,6 +50,7 @@ class Instant:
         ids: who.
         place: where, m; what is unknown is NaN. [n, 3]
         others: classes of the detections that are not people, and are left out.
+        contrary: other frames, which people of the message name themselves.
     """
 
     stamp_s: float
@@ -54,6 +59,7 @@ class Instant:
     ids: tuple[str, ...]
     place: np.ndarray
     others: tuple[str, ...] = ()
+    contrary: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -74,9 +80,9 @@ class Instant:
         place = np.array([(at.x, at.y, at.z) for _, at in people], np.float64).reshape(-1, 3)
         possible = rule_of("position", place)[1]
         place = np.where(possible, place, np.nan)
-        header = message.header
-        ids = tuple(str(name) for name, _ in people)
-        return cls(seconds(header.stamp), received_s, frame_name(header.frame_id), ids, place, others)
+        stamp, frame, contrary = stamp_and_frames(message, kind)
+        ids = tuple(id_of(name) for name, _ in people)
+        return cls(seconds(stamp), received_s, frame, ids, place, others, contrary)
 
 
 class People:
@@ -146,14 +152,26 @@ class People:
         """
         # the frame of a message of nobody says nothing
         frames = {each.frame for each in self._instants if each.ids}
+        self._doubt_frames()
         tree = FrameTree() if frames <= {grid or MAP_FRAME} else transforms()
         targets = {frame: _target(frame, grid, tree, transform) for frame in frames}
         check_frames(set(targets.values()), grid, transform)
         for frame in frames - {grid}:
             if _CARRIED.search(targets[frame]) and transform is None:
                 self._warn(f"people are in {frame!r}, and nothing says how that moves: {_ROBOT_REMEDY}")
+        for frame, target in targets.items():
+            if frame == target:
+                check_upright(frame, [each.place for each in self._instants if each.frame == frame])
         placed = self._placed(tree, targets)
         return placed if transform is None else [transform.to_map(places) for places in placed]
+
+    def _doubt_frames(self) -> None:
+        """Warn if people name no frame, or another one than their message."""
+        if any(each.ids and not each.frame for each in self._instants):
+            self._warn("people name no frame (header.frame_id), so places are taken to be on the map")
+        contrary = Counter((each.frame, name) for each in self._instants for name in each.contrary)
+        for (frame, name), count in contrary.most_common(_TOLD):
+            self._warn(contrary_frames(frame, name) + f" ({count} messages)")
 
     def _placed(self, tree: FrameTree, targets: dict[str, str]) -> list[np.ndarray]:
         """The places of each message in the target of its frame. [n, 2] each."""
@@ -260,6 +278,33 @@ class People:
             places = tuple([at[there] for at, there in zip(each, named, strict=True)] for each in places)
         position, read = places
         return ids, list(position), list(read)
+
+
+def contrary_frames(frame: str, name: str) -> str:
+    """What is wrong with a message in one frame, whose people name another one."""
+    return (
+        f"people are in {frame!r} by the header of their message, in {name!r} by their own: {frame!r} counts"
+    )
+
+
+def check_upright(frame: str, place: Sequence[np.ndarray]) -> None:
+    """Check that y is no height, as in frames of a camera and of some simulators.
+
+    Args:
+        frame: of the places, which no /tf brings into another one.
+        place: of the people in each message. [n, 3] each
+
+    Raises:
+        ValueRuleError: it is.
+    """
+    axes = np.concatenate([np.zeros((0, 3)), *place])
+    axes = axes[np.isfinite(axes).all(axis=1)]
+    if not len(axes):
+        return
+    x_m, y_m, z_m = np.ptp(axes, axis=0)
+    if y_m < _FLAT_M and min(x_m, z_m) > _WALKED_M:
+        rule = "z must be up (REP 103): people seem to walk along x and z. Record /tf up to the map's frame"
+        raise ValueRuleError("frame_id", frame, rule)
 
 
 def _stands_still(instants: Sequence[Instant]) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import brief
+from pedpred.ros.frame_tree import frame_name
 from pedpred.scenes import rule_of
 
 Adapter = Callable[[Any], Iterator[tuple[object, Any]]]
@@ -24,6 +25,15 @@ def _agents(agents: Any, position: Callable[[Any], Any]) -> Iterator[tuple[objec
     return ((agent.id, position(agent)) for agent in agents if getattr(agent, "type", 0) != _ROBOT)
 
 
+def _place_of_box(detection: Any) -> Any:
+    """The centre of a vision_msgs/Detection3D; without a box, the place of its likeliest class."""
+    centre, size = detection.bbox.center.position, detection.bbox.size
+    scores = [each.score for each in _hypotheses(detection)]
+    if not scores or any((centre.x, centre.y, centre.z, size.x, size.y, size.z)):
+        return centre
+    return detection.results[int(np.argmax(scores))].pose.pose.position
+
+
 ADAPTERS: dict[str, Adapter] = {
     "people_msgs/msg/People": lambda m: ((p.name, p.position) for p in m.people),
     "people_msgs/msg/PositionMeasurementArray": lambda m: ((p.object_id, p.pos) for p in m.people),
@@ -33,7 +43,7 @@ ADAPTERS: dict[str, Adapter] = {
     "hunav_msgs/msg/Agents": lambda m: _agents(m.agents, lambda agent: agent.position.position),
     "pedsim_msgs/msg/AgentStates": lambda m: _agents(m.agent_states, lambda agent: agent.pose.position),
     "vision_msgs/msg/Detection3DArray": lambda m: (
-        (getattr(d, "id", getattr(d, "tracking_id", "")), d.bbox.center.position) for d in m.detections
+        (getattr(d, "id", getattr(d, "tracking_id", "")), _place_of_box(d)) for d in m.detections
     ),
     # poses have no names: the place in the list identifies the person
     "geometry_msgs/msg/PoseArray": lambda m: ((place, pose.position) for place, pose in enumerate(m.poses)),
@@ -42,6 +52,31 @@ ADAPTERS: dict[str, Adapter] = {
 
 LABELLED = "vision_msgs/msg/Detection3DArray"
 """The one whose detections have classes."""
+
+_WITH_HEADERS = {"people_msgs/msg/PositionMeasurementArray": "people", LABELLED: "detections"}
+"""The types whose people have headers of their own, and the field of these people."""
+_NOBODY = ("-1", "nan")
+
+
+def stamp_and_frames(message: Any, kind: str) -> tuple[Any, str, tuple[str, ...]]:
+    """Stamp and frame of a message of people, and the other frames that its people name themselves.
+
+    Where the message's header lacks one, it is that of the people's own headers, if they agree.
+    """
+    stamp, frame = message.header.stamp, frame_name(message.header.frame_id)
+    headers = [one.header for one in getattr(message, _WITH_HEADERS[kind])] if kind in _WITH_HEADERS else []
+    named = {name for each in headers if (name := frame_name(each.frame_id))}
+    if not frame and len(named) == 1:
+        frame = named.pop()
+    if not (stamp.sec or stamp.nanosec):
+        stamp = next((each.stamp for each in headers if each.stamp.sec or each.stamp.nanosec), stamp)
+    return stamp, frame, tuple(sorted(named - {frame}))
+
+
+def id_of(name: object) -> str:
+    """An id as it is called; empty for nobody, whom trackers call -1 or NaN, too."""
+    text = str(name)
+    return "" if text.lower() in _NOBODY else text
 
 
 def labels_of(message: Any) -> list[str]:

@@ -20,11 +20,11 @@ from pedpred.errors import PedpredError, ValueRuleError
 from pedpred.files import translate_errors
 from pedpred.online import OnlinePredictor
 from pedpred.ros.decoding import Connection, Decoder
-from pedpred.ros.detections import Instant
+from pedpred.ros.detections import Instant, contrary_frames
 from pedpred.ros.frame_tree import frame_name
 from pedpred.ros.localisation import JUMPS_MPS, Poses, moved
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
-from pedpred.ros.people import find_usable
+from pedpred.ros.people import find_usable, stamp_and_frames
 from pedpred.ros.planning import PREDICTIONS_TYPE, predictions_message, tell_rounding
 from pedpred.ros.scene_messages import blocked, map_of_grid, updated_grid
 from pedpred.ros2.identities import Identities
@@ -281,8 +281,10 @@ class Follower:
         with self.counts.refusing():
             message = self._decoded(raw, kind)
             instant = Instant.of(message, kind, clock_ns / 1e9, self.settings.class_ids)
-        stamp = message.header.stamp
+        stamp = stamp_and_frames(message, kind)[0]
         time_ns = stamp.sec * 10**9 + stamp.nanosec
+        for name in instant.contrary:
+            _log.warning("%s", contrary_frames(instant.frame, name))
         self.counts.detections += len(instant.ids)
         self.counts.others += len(instant.others)
         if instant.others:
