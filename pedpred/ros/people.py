@@ -26,10 +26,10 @@ def _agents(agents: Any, position: Callable[[Any], Any]) -> Iterator[tuple[objec
 
 
 def _place_of_box(detection: Any) -> Any:
-    """The centre of a vision_msgs/Detection3D; without a box, the place of its likeliest class."""
-    centre, size = detection.bbox.center.position, detection.bbox.size
+    """The centre of a vision_msgs/Detection3D; where it is not filled in, the place of its likeliest class."""
+    centre = detection.bbox.center.position
     scores = [each.score for each in _hypotheses(detection)]
-    if not scores or any((centre.x, centre.y, centre.z, size.x, size.y, size.z)):
+    if not scores or any((centre.x, centre.y, centre.z)):
         return centre
     return detection.results[int(np.argmax(scores))].pose.pose.position
 
