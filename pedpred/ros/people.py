@@ -26,7 +26,7 @@ def _agents(agents: Any, position: Callable[[Any], Any]) -> Iterator[tuple[objec
 
 
 def _place_of_box(detection: Any) -> Any:
-    """The centre of a vision_msgs/Detection3D; where it is not filled in, the place of its likeliest class."""
+    """The centre of a vision_msgs/Detection3D; where that is not filled in, where its likeliest class is."""
     centre = detection.bbox.center.position
     scores = [each.score for each in _hypotheses(detection)]
     if not scores or any((centre.x, centre.y, centre.z)):
