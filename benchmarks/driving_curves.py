@@ -112,6 +112,9 @@ def equal_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
                 "Kalman, %": f"{100 * b[0]:.1f}",
             }
             row["network / Kalman"] = _with_interval(_ratio(a, b), ".2f")
+            if not a[0]:  # replicates of nothing are alike
+                most = _ratio(np.array(share_interval(np.zeros(len(each.number)))[1]), b[0])
+                row["network / Kalman"] = f"0.00 (0.00 to {most:.2f})"
         at = _middle(fault_a, fault_b)
         if at is None:
             row |= dict.fromkeys(("at, %", "network, s more", "Kalman, s more", "network / Kalman, s"), "-")
