@@ -105,7 +105,7 @@ def _row(
             bounds, place = bounds_of(metrics, key), f"literature.{entries[scene]}.{name}.{key}"
             cells.append(Cell(f"{error:.3f}", place, remark=f"95 % {interval(bounds)} m" if bounds else ""))
     means = np.mean(errors, axis=0) if len(errors) == len(SCENES) else ()
-    first = [Cell(f"{mean:.3f}", strong=True) for mean in means] or [Cell(NOTHING)] * len(keys)
+    first = [Cell(f"{mean:.3f}") for mean in means] or [Cell(NOTHING)] * len(keys)
     return Row([Cell(label), *first, *cells], name)
 
 
