@@ -16,7 +16,9 @@ OK, WARN = 0, 1
 _SILENT_S = 2.0
 _LATEST = 100
 _MANY_LEFT_OUT = 0.1
-_LATE_MS, _WRONG_CLOCK_S = 300.0, 1.0
+_LATE_MS = 300.0
+_WRONG_CLOCK_S, _RECORDED_S = 1.0, 12 * 3600.0
+"""Stamps so far from the clock are wrong; those farther away are of a recording that is played."""
 
 
 class Latencies:
@@ -76,10 +78,10 @@ def diagnose(
         problems.append(f"of the last {messages} messages of people, {left_out} are left out")
     if latency_ms > _LATE_MS:
         problems.append(f"forecasts come {latency_ms:.0f} ms after people: send fewer of them, or less often")
-    if abs(follower.stamp_age_s) > _WRONG_CLOCK_S:
+    if _WRONG_CLOCK_S < abs(follower.stamp_age_s) < _RECORDED_S:
         problems.append(
-            f"people are stamped {follower.stamp_age_s:.1f} s ago: are two clocks apart, or is a recording "
-            "played without use_sim_time?"
+            f"people are stamped {follower.stamp_age_s:.1f} s ago: are the clocks of two computers apart, or do "
+            "detections come late?"
         )
     if follower.counts.jumps - before.jumps > 1:
         problems.append("time jumps again and again, and all are forgotten: do two clocks stamp people?")
