@@ -80,7 +80,7 @@ def diagnose(
         problems.append(f"forecasts come {latency_ms:.0f} ms after people: send fewer of them, or less often")
     if _WRONG_CLOCK_S < abs(follower.stamp_age_s) < _RECORDED_S:
         problems.append(
-            f"people are stamped {follower.stamp_age_s:.1f} s ago: are the clocks of two computers apart, or do "
+            f"people are stamped {follower.stamp_age_s:.1f} s ago: are clocks of two computers apart, or do "
             "detections come late?"
         )
     if follower.counts.jumps - before.jumps > 1:
