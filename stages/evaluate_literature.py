@@ -14,7 +14,7 @@ from pedpred.evaluation.scores import write_scores
 from pedpred.literature.measures import mean_scores, measure
 from pedpred.literature.windows import find_windows
 from pedpred.models.forecaster import forecaster
-from pedpred.scenes import Trajectories
+from pedpred.scenes import Scene, Trajectories
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import KalmanBank, tune_kalman
 from pedpred.workers import in_parallel
@@ -23,14 +23,13 @@ from stages.literature_windows import RECORDINGS, protocol_settings, windows_of
 from stages.trials import metric_settings
 
 
-def fit_filter(recordings: Iterable[str], ahead: int) -> KalmanBank | None:
+def fit_filter(scenes: Iterable[Scene], ahead: int) -> KalmanBank | None:
     """Fit the noise of the simple methods' filter to what a fold trains on; None if none of it is available.
 
     Args:
-        recordings: names of ingested recordings.
+        scenes: recordings.
         ahead: annotations that are forecast.
     """
-    scenes = [read_scene(RECORDINGS / name) for name in recordings]
     people = [scene.trajectories for scene in scenes if scene.unavailable is None]
     if not people:
         return None
@@ -66,7 +65,8 @@ def main(cfg: DictConfig) -> None:
     fold = one_of("fold", cfg.fold, cfg.literature.folds)
     out = Path(cfg.get("out", "data/literature"), cfg.fold)
     out.mkdir(parents=True, exist_ok=True)
-    fitted = fit_filter(fold.train, cfg.literature.protocol.predicted_steps)
+    trained_on = (read_scene(RECORDINGS / name) for name in fold.train)
+    fitted = fit_filter(trained_on, cfg.literature.protocol.predicted_steps)
     tasks = [(cfg, scene, name, fitted, out) for scene in fold.test for name in cfg.literature.scenes[scene]]
     in_parallel(evaluate_recording, tasks, f"literature, {cfg.fold}", "recording")
 

@@ -125,6 +125,20 @@ def test_people_of_a_late_sensor_are_forecast_beside_those_of_another(mixture, l
     assert forecast.track_id.tolist() == [1, 2]
 
 
+@pytest.mark.parametrize("lag_s", [0.4, 0.6, 0.9, 1.5])
+def test_a_fast_sensor_that_lags_behind_a_slow_one_does_not_make_everybody_new_for_ever(
+    mixture, lag_s, caplog
+):
+    robot = OnlinePredictor.load(mixture[0])
+    for k in range(200):
+        now = k / 10
+        if k % 10 == 0:
+            robot.update(now, [1], [[now, 0.0]])
+        robot.update(now + 0.01 - lag_s, [2], [[now, 3.0]])
+    jumps = caplog.text.count("time jumps")
+    assert jumps <= 2 * (lag_s > 0.5)
+
+
 def test_stamps_in_milliseconds_are_told_once(folder, caplog):
     with caplog.at_level(logging.WARNING):
         walked(OnlinePredictor.load(folder), range(0, 4000, 400))

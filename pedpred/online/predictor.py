@@ -34,9 +34,10 @@ _LOG = logging.getLogger(__name__)
 NO_MAP = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
 """Free ground: what is assumed where no map is given."""
 _WHY_JUMPS = "A clock was set, a stamp is false, or a recording or simulation began again"
-_SET_BACK_S = 0.3
+_SET_BACK_S, _CALM_S = 0.3, 5.0
 """Frames that are earlier than the last one for so long, while none is later, are of a clock that was set
-back, or that one false stamp had been ahead of."""
+back, or that one false stamp had been ahead of. Each time, it must be for twice as long, until none was
+earlier for some time: a fast sensor that lags behind a slow one must not make everybody new for ever."""
 
 
 class OnlinePredictor:
@@ -149,7 +150,8 @@ class OnlinePredictor:
         """Start with nobody, and with what was learned; see `read_place`."""
         self._unused = unused
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
-        self._earlier_s = (np.inf, np.inf)  # the first and the last frame since that were earlier
+        self._dropped_s = (np.inf, np.inf)  # the first and the last frame that were dropped since
+        self._set_back_s, self._latest_drop_s = _SET_BACK_S, -np.inf
         self._place = place
         none, answer = np.zeros(0, int), self._network.nobody()
         _, self._last = self._forecast(self._people, place, none, answer.predictions, answer.velocities, 0.0)
@@ -230,26 +232,33 @@ class OnlinePredictor:
         people = people.select(~lost) if lost.any() else people
         self._people, self._place, self._last = self._detected(people, place, frame, now)
         self._now, self._jumps, self._lives = now, jumps, self._lives + len(frame)
-        self._earlier_s = (np.inf, np.inf)
+        if is_earlier:
+            self._set_back_s *= 2
+        elif now - self._latest_drop_s > _CALM_S:
+            self._set_back_s = _SET_BACK_S
+        self._dropped_s = (np.inf, np.inf)
         return self._last
 
     def _is_set_back(self, now: float) -> bool:
-        """Note a frame that is not later than the last one: is it one of many, which rise by themselves?"""
-        first_s, last_s = self._earlier_s
-        self._earlier_s = (first_s if now > last_s else now, now)
-        return now - self._earlier_s[0] > _SET_BACK_S - TIME_TOLERANCE_S
+        """Whether an earlier frame is the last of many, all dropped, which rise by themselves."""
+        first_s, last_s = self._dropped_s
+        return now > last_s and now - first_s > self._set_back_s - TIME_TOLERANCE_S
 
     def _completed(self, frame: Frame) -> Forecast:
         """The last forecast, with people of another frame who were not detected since; nothing is learned."""
         since = self._people.seen_s > frame.time_s - TIME_TOLERANCE_S
         new = ~np.isin(frame.track_id, self._people.track_id[since], assume_unique=True)
         if not new.any() or self._now - frame.time_s > self._settings.max_age_s - TIME_TOLERANCE_S:
-            if self._earlier_s[0] == frame.time_s:  # of several, the first one
+            first_s, last_s = self._dropped_s
+            self._dropped_s = (first_s if frame.time_s > last_s else frame.time_s, frame.time_s)
+            self._latest_drop_s = self._now
+            if self._dropped_s[0] == frame.time_s:  # of several, the first one
                 text = "frame at %s s dropped: the last one was at %s s. %s"
                 _LOG.warning(text, frame.time_s, self._now, "Do two sources send the same people, or late?")
             return self._last
         self._people, _, self._last = self._detected(self._people, self._place, frame.select(new), self._now)
         self._lives += len(frame)
+        self._dropped_s = (np.inf, np.inf)
         return self._last
 
     def _detected(
