@@ -254,6 +254,14 @@ def test_detections_of_nobody_are_left_out_and_counted(ros2, tmp_path, caplog):
     assert "left out: 40 of 60 detections, which have no id" in caplog.text
 
 
+def test_somebody_is_called_minus_one_where_others_have_negative_ids(ros2, tmp_path):
+    """Also in a message in which nobody else is, as in tables."""
+    frames = [(k / 10, {name: (k / 10, 3.0 * int(name)) for name in ("-1", "-2")}) for k in range(10)]
+    frames += [(k / 10, {"-1": (k / 10, -3.0)}) for k in range(10, 20)]
+    people = read_bag(bag(ros2, tmp_path / "hall", *frames)).trajectories
+    assert sorted(np.unique(people.track_id, return_counts=True)[1]) == [10, 20]
+
+
 def test_detections_without_a_box_are_where_their_likeliest_class_is(tmp_path):
     store, kind, messages = Filled(0), "vision_msgs/msg/Detection3DArray", []
     for k in range(10):

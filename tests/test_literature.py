@@ -1,4 +1,4 @@
-"""The literature's protocol: its windows, and its errors by hand."""
+"""The literature's protocol: its windows, its errors by hand, and by a few independent lines on real data."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from pedpred.literature.stretches import find_stretches
 from pedpred.literature.windows import find_windows
 from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import KalmanBank, KalmanSettings
-from tests.worlds import empty_map
+from tests.worlds import empty_map, recorded
 
 SETTINGS = KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05, initial_speed_mps=1.0)
 
@@ -83,3 +83,28 @@ def test_forecasts_see_the_window_alone():
     whole, part = windows_of(walk(path), 8, 12), windows_of(walk(path[11:31]), 8, 12)
     for method in PRESENT_MOTION:
         np.testing.assert_allclose(paths(whole, method)[11], paths(part, method)[0], atol=1e-9)
+
+
+def last_step_errors(track_id, position):
+    """Errors of constant velocity in all windows, m; rows rise in time, tracks have no holes. [W, 12]."""
+    errors = []
+    for track in np.unique(track_id):
+        path = position[track_id == track]
+        for k in range(len(path) - 19):
+            going = path[k + 7] + np.outer(np.arange(1, 13), path[k + 7] - path[k + 6])
+            errors.append(np.hypot(*(going - path[k + 8 : k + 20]).T))
+    return errors
+
+
+@pytest.mark.parametrize(("place", "ade_m", "fde_m"), [("eth", 0.678, 1.344), ("hotel", 0.344, 0.657)])
+def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_m, fde_m):
+    trajectories = recorded(ewap_folder, place).trajectories
+    errors = last_step_errors(trajectories.track_id, trajectories.position)
+    found = windows_of(trajectories, 8, 12)
+    results = measured(found)
+    figures, tracked = results["cv"], results["kalman_cv"]
+    assert figures["windows"] == len(errors)
+    assert figures["ade_m"] == pytest.approx(np.mean(errors), abs=1e-5) == pytest.approx(ade_m, abs=5e-4)
+    assert figures["fde_m"] == pytest.approx(np.mean(errors, axis=0)[-1], abs=1e-5)
+    assert figures["fde_m"] == pytest.approx(fde_m, abs=5e-4)
+    assert tracked["ade_m"] < figures["ade_m"]

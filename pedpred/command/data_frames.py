@@ -24,7 +24,7 @@ from pedpred.tables.ids import is_plain
 from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
 from pedpred.tables.placeholders import without_placeholders
-from pedpred.tables.reading import columns_of_labels, of_people, people_in_rows, tracks_in_rows
+from pedpred.tables.reading import LOOKED_AT, columns_of_labels, of_people, people_in_rows, tracks_in_rows
 from pedpred.tables.text import Row
 from pedpred.tables.titles import (
     LENGTHS,
@@ -40,8 +40,6 @@ from pedpred.tables.titles import (
 
 _TABLE = Path("table")
 _METHOD = "pedpred"
-_LOOKED_AT = 1000
-"""Rows that are looked at to find out what columns hold."""
 
 
 @in_words_of_python()
@@ -100,7 +98,7 @@ def _people_in(
     table = _with_index(table)
     titles = _titles_of(table)
     named = titles_of_tracks(titles)
-    begin = table.iloc[:_LOOKED_AT]
+    begin = table.iloc[:LOOKED_AT]
     labels = columns_of_labels(titles, list(_rows(column for _, column in begin.items())))
     doubtful = {
         title for find in (other_pairs, sides_of_boxes) for pair in find(titles, named) for title in pair
@@ -112,7 +110,7 @@ def _people_in(
     who, ids = pd.factorize(values[id_title])
     numbers, names = _numbered(ids)
     options = TableOptions(None, rate_hz, unit, names=names)
-    first = list(islice(_rows(values.values()), _LOOKED_AT))
+    first = list(islice(_rows(values.values()), LOOKED_AT))
     chosen = people_in_rows(_TABLE, looked_at, lambda: _rows(values.values()), options, first)
     counts = np.zeros(len(table), bool)
     counts[[row - 1 for row, _ in of_people(_rows(values.values()), looked_at, chosen)]] = True

@@ -189,7 +189,7 @@ _ABOUT = (
     "probability to overlap somebody. Intervals are of 95 %, over episodes. The measures are those of "
     "Francis et al. 2023; a robot that stands is never at fault. Only social forces are given the true "
     "goals, and only the true future the future. So few episodes leave wide intervals: docs/driving.md has "
-    "100 to 300 of them at each place."
+    "100 to 200 of them at each place."
 )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -20,9 +20,9 @@ from pedpred.ros.localisation import find_poses, without_jumps
 from pedpred.ros.people import (
     ADAPTERS,
     LABELLED,
+    Nameless,
     TrackNumbers,
     find_usable,
-    id_of,
     labels_of,
     stamp_and_frames,
 )
@@ -51,6 +51,7 @@ class Instant:
         place: where, m; what is unknown is NaN. [n, 3]
         others: classes of the detections that are not people, and are left out.
         contrary: other frames, which people of the message name themselves.
+        stamp_ns: the stamp, ns; 0: there is none.
     """
 
     stamp_s: float
@@ -60,6 +61,7 @@ class Instant:
     place: np.ndarray
     others: tuple[str, ...] = ()
     contrary: tuple[str, ...] = ()
+    stamp_ns: int = 0
 
     @classmethod
     def of(
@@ -81,8 +83,8 @@ class Instant:
         possible = rule_of("position", place)[1]
         place = np.where(possible, place, np.nan)
         stamp, frame, contrary = stamp_and_frames(message, kind)
-        ids = tuple(id_of(name) for name, _ in people)
-        return cls(seconds(stamp), received_s, frame, ids, place, others, contrary)
+        ids, stamp_ns = tuple(str(name) for name, _ in people), stamp.sec * 10**9 + stamp.nanosec
+        return cls(seconds(stamp), received_s, frame, ids, place, others, contrary, stamp_ns)
 
 
 class People:
@@ -96,6 +98,10 @@ class People:
     def __init__(self, instants: Sequence[Instant], warn: Callable[[str], object]):
         self._warn = warn
         self._tell_others(instants)
+        nameless = Nameless()
+        for each in instants:
+            nameless.note(each.ids)
+        instants = [replace(each, ids=nameless.named(each.ids)) for each in instants]
         stamp_s = np.array([each.stamp_s for each in instants], np.float64)
         received_s = np.array([each.received_s for each in instants], np.float64)
         if received_s.any() and _stands_still(instants):

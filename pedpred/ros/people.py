@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -55,7 +56,8 @@ LABELLED = "vision_msgs/msg/Detection3DArray"
 
 _WITH_HEADERS = {"people_msgs/msg/PositionMeasurementArray": "people", LABELLED: "detections"}
 """The types whose people have headers of their own, and the field of these people."""
-_NOBODY = ("-1", "nan")
+_NOBODY, _NEGATIVE = "-1", re.compile(r"-\d+")
+"""What trackers call whom they do not follow, as they do by NaN and by no id; and any negative number."""
 
 
 def stamp_and_frames(message: Any, kind: str) -> tuple[Any, str, tuple[str, ...]]:
@@ -73,10 +75,20 @@ def stamp_and_frames(message: Any, kind: str) -> tuple[Any, str, tuple[str, ...]
     return stamp, frame, tuple(sorted(named - {frame}))
 
 
-def id_of(name: object) -> str:
-    """An id as it is called; empty for nobody, whom trackers call -1 or NaN, too."""
-    text = str(name)
-    return "" if text.lower() in _NOBODY else text
+class Nameless:
+    """Tells ids that mean nobody: empty ones, NaN, and -1 unless others are negative, as in tables."""
+
+    def __init__(self) -> None:
+        self._some_are_negative = False
+
+    def note(self, ids: Iterable[str]) -> None:
+        """Look for other negative ids."""
+        self._some_are_negative |= any(one != _NOBODY and _NEGATIVE.fullmatch(one) for one in ids)
+
+    def named(self, ids: Iterable[str]) -> tuple[str, ...]:
+        """The ids, where those that mean nobody are empty."""
+        nobody = {"nan"} if self._some_are_negative else {"nan", _NOBODY}
+        return tuple("" if one.lower() in nobody else one for one in ids)
 
 
 def labels_of(message: Any) -> list[str]:

@@ -24,7 +24,7 @@ from pedpred.ros.detections import Instant, contrary_frames
 from pedpred.ros.frame_tree import frame_name
 from pedpred.ros.localisation import JUMPS_MPS, Poses, moved
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
-from pedpred.ros.people import find_usable, stamp_and_frames
+from pedpred.ros.people import Nameless, find_usable
 from pedpred.ros.planning import PREDICTIONS_TYPE, predictions_message, tell_rounding
 from pedpred.ros.scene_messages import blocked, map_of_grid, updated_grid
 from pedpred.ros2.identities import Identities
@@ -142,6 +142,7 @@ class Follower:
         self._decoder, self._frames = Decoder(), LiveFrames()
         self._map = _Map(frame_name(settings.map_frame))
         self._waiting: deque[_Waiting] = deque()
+        self._nameless = Nameless()
         self._identities = Identities(settings.identities, settings.people_type)
         predictor.name = self._identities.name
         self._named: dict[int, str] = {}
@@ -281,8 +282,8 @@ class Follower:
         with self.counts.refusing():
             message = self._decoded(raw, kind)
             instant = Instant.of(message, kind, clock_ns / 1e9, self.settings.class_ids)
-        stamp = stamp_and_frames(message, kind)[0]
-        time_ns = stamp.sec * 10**9 + stamp.nanosec
+        self._nameless.note(instant.ids)
+        instant, time_ns = replace(instant, ids=self._nameless.named(instant.ids)), instant.stamp_ns
         for name in instant.contrary:
             _log.warning("%s", contrary_frames(instant.frame, name))
         self.counts.detections += len(instant.ids)

@@ -6,14 +6,9 @@ People walk steadily. A height, a confidence or a heading hardly changes along a
 from __future__ import annotations
 
 import math
-from array import array
-from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from pedpred.tables.text import Row
-
-_MOST_ROWS = 2**17
 _STEP_S, _STEPS = 0.4, 5
 """Time between the places of a track that are compared, and how many steps make a way."""
 _FEWEST_WAYS = 10
@@ -27,30 +22,6 @@ _ALIKE = 5.0
 _SPREAD, _RELATED = 0.2, 0.95
 """A column is computed from another one if steps are in the same ratio, up to the first share, or values
 have the same order, with a correlation above the second."""
-
-
-class Values:
-    """Keeps the numbers in some columns of the first rows.
-
-    Args:
-        columns: which ones.
-    """
-
-    def __init__(self, columns: Sequence[int]) -> None:
-        self.columns = columns
-        self._numbers = [array("d") for _ in columns]
-
-    def watched(self, rows: Iterable[Row]) -> Iterator[Row]:
-        """The rows, while it looks at them."""
-        for count, (line, fields) in enumerate(rows):
-            if count < _MOST_ROWS:
-                for at, numbers in zip(self.columns, self._numbers, strict=True):
-                    numbers.append(_number(fields[at]))
-            yield line, fields
-
-    def array(self) -> np.ndarray:
-        """Return the numbers; NaN where a field is none. [K, M]."""
-        return np.array([np.frombuffer(numbers) for numbers in self._numbers])
 
 
 def misplaced_axis(
@@ -134,11 +105,3 @@ def _ways(track_id: np.ndarray, time_s: np.ndarray) -> tuple[np.ndarray, np.ndar
     first = np.arange(0, max(len(order) - every * _STEPS, 0), every)
     ways = first[:, None] + every * np.arange(_STEPS + 1)
     return order, ways[who[ways[:, 0]] == who[ways[:, -1]]]
-
-
-def _number(field: str) -> float:
-    """The number in a field; NaN if there is none."""
-    try:
-        return float(field.replace(",", "."))
-    except ValueError:
-        return math.nan

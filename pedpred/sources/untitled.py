@@ -19,7 +19,7 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
-from pedpred.sources.axes import Values, misplaced_axis
+from pedpred.sources.axes import misplaced_axis
 from pedpred.sources.plausibility import check_places, ids_come_first
 from pedpred.storage.tracks import tracks_of
 from pedpred.tables.clocks import set_time
@@ -36,6 +36,7 @@ from pedpred.tables.reading import in_metres, numbered
 from pedpred.tables.text import OWN_FILE, OWN_VALUES, Row, is_number, read_numbers
 from pedpred.tables.titles import LENGTHS
 from pedpred.tables.units import PIXELS
+from pedpred.tables.values import Values
 
 COLUMNS = ("id", "frame", "x", "y")
 _NAMES = ("track_id", "frame", "x_m", "y_m")
@@ -103,14 +104,7 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
         order, clock_is, options.found.rate_hz = ("id", "frame"), f"{rate_hz:g} Hz", rate_hz
         columns["frame"] = _frames(clock, when)
     set_time(path, columns, None, rate_hz)
-    keys = columns["track_id"], columns["time_s"]
-    if still.others_change() and (cause := _other_than_x(written[0], *keys)):
-        raise SourceError(path, None, f"without a header, column 3 should be x, but it {cause}", _IN_ORDER)
-    if misplaced := misplaced_axis(written, values_of.array(), *keys):
-        taken, other = misplaced[0] + COLUMNS.index("x"), misplaced[1] + len(COLUMNS)
-        problem = f"without a header, column {taken + 1} should be {COLUMNS[taken]}, but people hardly move "
-        problem += f"along it, and they do along column {other + 1}"
-        raise SourceError(path, None, problem, _IN_ORDER)
+    _check_axes(path, still, written, values_of.array(), columns)
     doubt_restarts(path, columns)
     columns = without_copies(path, without_untracked(path, columns, options.names), options.names)
     shown = ", ".join(order if ids_first else order[::-1])
@@ -140,6 +134,24 @@ def _check_columns(path: Path, line: int, fields: Sequence[str]) -> None:
     if _is_box(fields):
         problem = "these look like boxes of MOTChallenge: frame, id, left, top, width, height in pixels"
         raise SourceError(path, line, problem, _BOXES)
+
+
+def _check_axes(
+    path: Path, still: Still, written: np.ndarray, others: np.ndarray, columns: Mapping[str, np.ndarray]
+) -> None:
+    """Check that people move along what is taken as x and y, in the unit of the file [2, M], as people do.
+
+    Raises:
+        SourceError: x is something else, or another column [K, M] is one of the two.
+    """
+    keys = columns["track_id"], columns["time_s"]
+    if still.others_change() and (cause := _other_than_x(written[0], *keys)):
+        raise SourceError(path, None, f"without a header, column 3 should be x, but it {cause}", _IN_ORDER)
+    if misplaced := misplaced_axis(written, others, *keys):
+        taken, other = misplaced[0] + COLUMNS.index("x"), misplaced[1] + len(COLUMNS)
+        problem = f"without a header, column {taken + 1} should be {COLUMNS[taken]}, but people hardly move "
+        problem += f"along it, and they do along column {other + 1}"
+        raise SourceError(path, None, problem, _IN_ORDER)
 
 
 def _is_box(fields: Sequence[str]) -> bool:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from array import array
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from pedpred.tables.text import Row
+from pedpred.tables.values import number_in
 
 _MUCH, _FAR = 10.0, 0.1
 """People move along the ground's second axis more than their heights change, by the first factor, and by at
 least the second share of how far they move along x."""
 
-_STOREY_M, _FEW, _MOST_ROWS = 2.0, 0.1, 2**17
-"""Floors are farther apart, and each has more than this share of the detections, in the first rows."""
+_STOREY_M, _FEW = 2.0, 0.1
+"""Floors are farther apart, and each has more than this share of the detections."""
 
 
 class Still:
@@ -43,7 +43,7 @@ class Still:
                 for k in self._changed:
                     self._changed[k] |= fields[k].strip() != self._first[k]
                 for k, (least, most) in self._range.items():
-                    value = _number(fields[k])
+                    value = number_in(fields[k])
                     self._range[k] = min(least, value), max(most, value)
             yield line, fields
 
@@ -65,45 +65,17 @@ class Still:
         return (far[0], f"changes by {width[self._at]:.3g} in all") if far else None
 
 
-class Floors:
-    """Notices heights of several floors, which are read as one ground.
+def floors_apart(heights: np.ndarray, unit_m: float) -> tuple[float, float] | None:
+    """The heights below and above which people are, with nobody between them; None: there are none.
 
     Args:
-        at: the columns of heights.
+        heights: NaN where there is none. [M]
+        unit_m: their unit, m.
     """
-
-    def __init__(self, at: Sequence[int]) -> None:
-        self.columns = at
-        self._heights = {column: array("d") for column in at}
-
-    def watched(self, rows: Iterable[Row]) -> Iterator[Row]:
-        """The rows, while it looks at the first ones."""
-        for count, (line, fields) in enumerate(rows):
-            if count < _MOST_ROWS:
-                for column, heights in self._heights.items():
-                    heights.append(_number(fields[column]))
-            yield line, fields
-
-    def apart(self, column: int, unit_m: float) -> tuple[float, float] | None:
-        """The heights below and above which people are, with nobody between them; None: there are none.
-
-        Args:
-            column: of heights.
-            unit_m: their unit, m.
-        """
-        heights = np.sort(np.frombuffer(self._heights[column]))
-        heights = heights[np.isfinite(heights)]
-        inner = heights[int(_FEW * len(heights)) : math.ceil((1 - _FEW) * len(heights))]
-        if len(inner) < 2:
-            return None
-        gap = int(np.argmax(np.diff(inner)))
-        low, high = inner[gap], inner[gap + 1]
-        return (float(low), float(high)) if (high - low) * unit_m >= _STOREY_M else None
-
-
-def _number(field: str) -> float:
-    """The number in a field; NaN, which is passed over, if there is none."""
-    try:
-        return float(field.replace(",", "."))
-    except ValueError:
-        return math.nan
+    known = np.sort(heights[np.isfinite(heights)])
+    inner = known[int(_FEW * len(known)) : math.ceil((1 - _FEW) * len(known))]
+    if len(inner) < 2:
+        return None
+    gap = int(np.argmax(np.diff(inner)))
+    low, high = inner[gap], inner[gap + 1]
+    return (float(low), float(high)) if (high - low) * unit_m >= _STOREY_M else None

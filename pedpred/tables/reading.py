@@ -39,7 +39,7 @@ from pedpred.tables.detections import (
     without_untracked,
 )
 from pedpred.tables.fractions import check_fractions
-from pedpred.tables.heights import Floors, Still
+from pedpred.tables.heights import Still, floors_apart
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import Lines, lines_of, of_width
 from pedpred.tables.options import TableOptions
@@ -62,10 +62,11 @@ from pedpred.tables.titles import (
     unit_in,
 )
 from pedpred.tables.units import PIXELS, UNITS
+from pedpred.tables.values import Values
 
 _LONG = "Write a line per person and instant, with columns such as time,id,x,y"
 _LONGEST_TITLES, _SHOWN_NAMES = 200, 3
-_LOOKED_AT = 1000
+LOOKED_AT = 1000
 """Rows that are looked at to find out what columns hold."""
 _FEW_RECORDINGS, _MOST_RECORDINGS, _FEWEST_ROWS = 10, 500, 10
 """More values than the first count messages, unless each is in so many rows."""
@@ -95,7 +96,7 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
     def rows() -> Iterable[Row]:
         return of_width(path, lines_of(path, options.columns).rows, lines.titles, named)
 
-    begin = list(islice(lines.rows, _LOOKED_AT))
+    begin = list(islice(lines.rows, LOOKED_AT))
     chosen = people_in_rows(path, lines.titles, rows, options, begin)
     every = chain(begin, lines.rows)
     people = of_people(of_width(path, every, lines.titles, named), lines.titles, chosen)
@@ -211,11 +212,11 @@ def tracks_in_rows(
     return _read(path, header, of_width(path, rows, header), options)
 
 
-def _doubt_one_floor(path: Path, titles: Sequence[str], floors: Floors, unit: str | None) -> None:
+def _doubt_one_floor(path: Path, titles: Sequence[str], heights: Values, unit: str | None) -> None:
     """Warn if heights are those of several floors; their unit is that of x where no title says it."""
-    for at in floors.columns:
+    for at, column in zip(heights.columns, heights.array(), strict=True):
         its_unit = unit_in(titles[at]) or unit or "m"
-        if apart := floors.apart(at, UNITS.get(its_unit, 0.0)):
+        if apart := floors_apart(column, UNITS.get(its_unit, 0.0)):
             text = "%s: column %s is up to %.4g or from %.4g: all are read as on one ground; %s"
             part = f"divide the {worded('file', 'table')} if these are floors"
             _log.warning(text, path, titles[at], *apart, part)
@@ -249,8 +250,8 @@ def _read(
     dates = Dates(path, titles[at[clock]], at[clock], days)
     numbers = [column for name, column in at.items() if not name.endswith("_id")]
     rows = with_decimal_points(path, rows, numbers, lines.separator if lines else None)
-    floors = Floors([] if options.columns else columns_of_heights(titles, ("z",)))
-    rows = floors.watched(still.watched(dates.in_seconds(rows)))
+    heights = Values([] if options.columns else columns_of_heights(titles, ("z",)))
+    rows = heights.watched(still.watched(dates.in_seconds(rows)))
     rows = ids.numbered(rows, at["track_id"], places)
     optional = set(at) - {clock, REST, "track_id", *LENGTHS}
     columns = read_numbers(path, rows, titles, wanted, OWN_FILE, optional)
@@ -261,7 +262,7 @@ def _read(
     if moves := still.moving_column():
         problem = f"{titles[at['y_m']]} {moves[1]}, and {titles[moves[0]]} changes: y looks like a height"
         raise SourceError(path, None, problem, _named("time,id,x,height,y"))
-    _doubt_one_floor(path, titles, floors, units["x_m"])
+    _doubt_one_floor(path, titles, heights, units["x_m"])
     units |= {clock: None if dates.read_dates else _said(titles[at[clock]])}
     with translate_errors(lambda problem: SourceError(path, None, problem, OWN_VALUES)):
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
