@@ -19,7 +19,7 @@ from pedpred.datasets.rows import Spans
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Following
 from pedpred.fields import parsed, parsed_together
-from pedpred.models.contract import NetworkSettings, RecurrentNetwork
+from pedpred.models.contract import ForecastNetwork, NetworkSettings
 from pedpred.models.features import RowFormat, parse_features
 from pedpred.models.lstm.augmentation import look_up
 from pedpred.models.lstm.autoencoder import GridEncoder
@@ -137,14 +137,14 @@ def random_data(made_with: RowFormat, with_grid: bool, rng: np.random.Generator)
     return TrainingRows(channels, numbers(steps, 2), known, spans, ("random",), made_with)
 
 
-def operations_per_sample(network: RecurrentNetwork) -> int:
+def operations_per_sample(network: ForecastNetwork) -> int:
     """Floating-point operations of the matrix products, forward and backward, see above."""
     matrices = {name: p.numel() for name, p in network.named_parameters() if p.dim() == 2}
     from_data = reading_data(network)
     return 6 * sum(matrices.values()) - 2 * sum(n for name, n in matrices.items() if name in from_data)
 
 
-def reading_data(network: RecurrentNetwork) -> set[str]:
+def reading_data(network: ForecastNetwork) -> set[str]:
     """Names of the weights whose layers read data, to which no gradient flows."""
     found: set[str] = set()
 
@@ -163,7 +163,7 @@ def reading_data(network: RecurrentNetwork) -> set[str]:
     return found
 
 
-def products(network: RecurrentNetwork, lanes: int, length: int, device: torch.device) -> Callable[[], None]:
+def products(network: ForecastNetwork, lanes: int, length: int, device: torch.device) -> Callable[[], None]:
     """The network's matrix products of one step and no more.
 
     Per weight matrix [u, n]: Y = X W', dX = dY W, dW = dY' X over all steps at once, but W_hh's forward

@@ -61,8 +61,8 @@ from stages.drive import trials_of
 from stages.features import features_of, kalman_of, protocol_of
 from stages.literature import comparison_of
 from stages.simulate import LAYOUTS, read_layouts
-from stages.train import PHASES, settings_of
-from stages.train_far import GROUPS, phase_of
+from stages.train import GROUPS, PHASES, settings_of
+from stages.train_far import phase_of
 from stages.validate_simulation import flow_of
 
 WITHOUT_VELOCITIES = ("eth_ucy", "ewap", "jupedsim")

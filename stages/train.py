@@ -23,6 +23,9 @@ from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
 from pedpred.training.instants import RealShare, mix_shares
 from pedpred.training.sequences import NamedSets
 
+GROUPS = ("networks", "memoryless")
+"""Of networks, as in conf/methods."""
+
 SEQUENCES, INSTANTS = Path("data/features"), Path("data/situations")
 
 
@@ -59,9 +62,16 @@ def device_of(cfg: DictConfig) -> DeviceSettings:
     return device
 
 
+def group_of(groups: Mapping[str, Mapping[str, object]], name: str) -> str:
+    """Return which group a network belongs to; a `ConfigError` if it belongs to none."""
+    networks = {key: group for group in GROUPS for key in groups.get(group, {})}
+    group: str = one_of("name", name, networks)
+    return group
+
+
 def architecture_of(cfg: DictConfig, name: str) -> NetworkSettings:
     """Read the settings of a network."""
-    (group,) = (group for group, rows in cfg.methods.items() if name in rows)
+    group = group_of(cfg.methods, name)
     with configured(f"methods.{group}.{name}.settings"):
         return parse_settings(plain(cfg.methods[group][name].settings))
 

@@ -17,21 +17,12 @@ from pedpred.storage.situations import read_situations_manifest
 from pedpred.training import InstantSettings, SequenceSettings
 from pedpred.training.distributed import distributed_context
 from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
-from stages.train import architecture_of, device_of
+from stages.train import architecture_of, device_of, group_of
 
 INSTANTS, STEPS, EMBEDDINGS = Path("data/far"), Path("data/far/steps"), Path("data/far/embeddings")
 AUTOENCODER = Path("models/autoencoder")
-GROUPS = ("memoryless", "networks")
-"""Of networks, as in conf/methods."""
-
 Phase = tuple[SequenceSettings | InstantSettings, RecordingShare | None]
 """How a network is trained; and, if it learns from instants beside simulated ones, how much is recorded."""
-
-
-def group_of(cfg: Mapping[str, Any], name: str) -> str:
-    """Return which group a network belongs to."""
-    (group,) = (group for group in GROUPS if name in cfg["literature"].get(group, {}))
-    return group
 
 
 def phase_of(cfg: Mapping[str, Any], group: str, name: str, phase: str) -> Phase:
@@ -86,7 +77,7 @@ def train_fold(cfg: DictConfig, name: str, out: Path, curves: Path) -> None:
     """Train a network per seed on the recordings of a fold; without recordings all are that of the worlds."""
     fold = one_of("fold", cfg.fold, cfg.literature.folds)
     base = Path("models/far", name)
-    settings, sets = recorded(phase_of(cfg, group_of(cfg, name), name, "recorded"), fold.train)
+    settings, sets = recorded(phase_of(cfg, group_of(cfg.literature, name), name, "recorded"), fold.train)
     for seed in cfg.literature.seeds:
         folder, curve = out / str(seed), curves / f"{seed}.tsv"
         if sets:
@@ -107,7 +98,7 @@ def main(cfg: DictConfig) -> None:
         train_fold(cfg, name, top / "models/literature" / cfg.fold / name, curves / cfg.fold / name)
         return
     out, curve = top / "models/far" / name, curves / f"worlds/{name}.tsv"
-    settings, _ = phase_of(cfg, group_of(cfg, name), name, "worlds")
+    settings, _ = phase_of(cfg, group_of(cfg.literature, name), name, "worlds")
     if isinstance(settings, SequenceSettings):
         train(cfg, name, settings, ["worlds"], AUTOENCODER, out, curve)
     else:

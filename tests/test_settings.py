@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 
 from pedpred.config import part
 from pedpred.errors import PedpredError
-from stages import evaluate, features, pretrain_autoencoder, train
+from stages import evaluate, features, pretrain_autoencoder, train, train_far
 from stages.config import PARTS, STAMP, check_layouts, check_parts, layout_names, main
 from stages.simulate import read_layouts
 from tests.configuration import read
@@ -292,15 +292,29 @@ STAGES = [
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("stage", "arguments", "message"),
     [
-        ({"name": "lstn", "networks": "main"}, "'name' = 'lstn': choose one of .*lstm_nogrid, lstm"),
-        ({"name": "lstm", "networks": "mein"}, "'networks' = 'mein': choose one of main, folds/without_eth"),
+        (
+            evaluate,
+            {"name": "lstn", "networks": "main"},
+            "'lstn': choose one of .*lstm_nogrid, lstm",
+        ),
+        (
+            evaluate,
+            {"name": "lstm", "networks": "no"},
+            "'no': choose one of main, folds/without_eth",
+        ),
+        (
+            train,
+            {"name": "cv", "phase": "main"},
+            "'cv': choose one of lstm_nogrid, lstm, .*mixture$",
+        ),
+        (train_far, {"name": "cv"}, "'cv': choose one of lstm, mixture$"),
     ],
 )
-def test_an_evaluation_names_what_can_be_evaluated(arguments, message):
+def test_a_stage_says_which_networks_it_knows(stage, arguments, message):
     with pytest.raises(PedpredError, match=message):
-        evaluate.main.__wrapped__(OmegaConf.create(PARAMS | arguments))
+        stage.main.__wrapped__(OmegaConf.create(PARAMS | arguments))
 
 
 @pytest.mark.parametrize(("stage", "arguments", "part", "key", "value"), STAGES)

@@ -20,7 +20,7 @@ class ForecastRequest:
     """Forecast some rows of a scene's feature table.
 
     A causal forecaster uses rows up to each asked instant only. Those that use more (oracles) say so in
-    their description in `conf/methods`.
+    their label in `conf/report/methods.yaml`.
 
     Attributes:
         scene: trajectories and obstacles.

@@ -1,6 +1,6 @@
-"""The contract of recurrent networks: what training, evaluation and export need of an architecture.
+"""The contract of networks, with or without a memory: what training, evaluation and export need of them.
 
-One file per architecture implements `NetworkSettings` and `RecurrentNetwork`, one line of
+One file per architecture implements `NetworkSettings` and `ForecastNetwork`, one line of
 `pedpred.models.registry` names it.
 """
 
@@ -43,7 +43,7 @@ class NetworkSettings(Protocol):
     def channels_read(self) -> tuple[str, ...]:
         """Those of `CHANNELS` that the network reads."""
 
-    def build(self, widths: Mapping[str, int], horizon_steps: int) -> RecurrentNetwork:
+    def build(self, widths: Mapping[str, int], horizon_steps: int) -> ForecastNetwork:
         """A network with random weights.
 
         Args:
@@ -66,8 +66,10 @@ class Loss(NamedTuple):
     weight: Tensor
 
 
-class RecurrentNetwork(nn.Module, ABC):
+class ForecastNetwork(nn.Module, ABC):
     """A network that reads the channels of a track step by step and forecasts after every step.
+
+    One without a memory has an empty state.
 
     Attributes:
         settings: of the architecture.

@@ -22,7 +22,7 @@ from torch import Tensor, nn
 from pedpred.errors import ValueRuleError
 from pedpred.files import atomic_write
 from pedpred.forecasting.tensors import TENSORS
-from pedpred.models.contract import RecurrentNetwork, Tensors
+from pedpred.models.contract import ForecastNetwork, Tensors
 from pedpred.models.lstm.autoencoder import GridEncoder
 
 _OPSET = 17
@@ -38,7 +38,7 @@ class ExportedStep(nn.Module):
         memory: tensors of the state, name -> shape per person.
     """
 
-    def __init__(self, network: RecurrentNetwork, encoder: GridEncoder | None, dt_s: float):
+    def __init__(self, network: ForecastNetwork, encoder: GridEncoder | None, dt_s: float):
         super().__init__()
         self.network, self.encoder, self.dt_s = network, encoder, dt_s
         self.eval()
@@ -62,7 +62,7 @@ class ExportedStep(nn.Module):
 
 
 def export_onnx(
-    network: RecurrentNetwork,
+    network: ForecastNetwork,
     encoder: GridEncoder | None,
     shapes: Mapping[str, tuple[int, ...]],
     dt_s: float,

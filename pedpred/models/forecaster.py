@@ -14,7 +14,7 @@ from pedpred.features import ModelFeatures
 from pedpred.forecasting import ForecastRequest
 from pedpred.forecasting.chain import Chain, forecast_blocks
 from pedpred.forecasting.tensors import predictions_of
-from pedpred.models.contract import RecurrentNetwork, Tensors
+from pedpred.models.contract import ForecastNetwork, Tensors
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.encoding import encode_once, load_encoder
 from pedpred.models.registry import load_format, load_network
@@ -39,7 +39,7 @@ class NetworkForecaster:
         trust: trust beside straight lines is learned likewise, see `pedpred.forecasting.trust`.
     """
 
-    network: RecurrentNetwork
+    network: ForecastNetwork
     features: ModelFeatures
     encoder: GridEncoder | None
     together: bool = True

@@ -1,4 +1,4 @@
-"""The architectures of recurrent networks, and how one is built, written and read."""
+"""The architectures of networks, and how one is built, written and read."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import torch
 from pedpred.errors import StorageError
 from pedpred.fields import check_choice, check_mapping
 from pedpred.files import read_json, translate_errors
-from pedpred.models.contract import NetworkSettings, RecurrentNetwork
+from pedpred.models.contract import ForecastNetwork, NetworkSettings
 from pedpred.models.features import RowFormat
 from pedpred.models.lstm.network import LstmSettings
 from pedpred.models.mixture.network import MixtureSettings
@@ -46,7 +46,7 @@ def plain_settings(settings: NetworkSettings) -> dict[str, Any]:
     return {"architecture": names[0], **settings.plain()}
 
 
-def describe_network(network: RecurrentNetwork, made_with: RowFormat) -> dict[str, Any]:
+def describe_network(network: ForecastNetwork, made_with: RowFormat) -> dict[str, Any]:
     """What `about.json` must hold so that `load_network` and `load_format` can read it again."""
     return {
         "kind": _KIND,
@@ -75,7 +75,7 @@ def is_network(about: Mapping[str, Any]) -> bool:
     return about["kind"] == _KIND
 
 
-def load_network(folder: Path) -> RecurrentNetwork:
+def load_network(folder: Path) -> ForecastNetwork:
     """The network of a checkpoint, ready to forecast.
 
     Raises:

@@ -8,14 +8,14 @@ import numpy as np
 import torch
 
 from pedpred.datasets.rows import TrainingRows
-from pedpred.models.contract import RecurrentNetwork, Tensors, select
+from pedpred.models.contract import ForecastNetwork, Tensors, select
 
 _TRACKS_AT_ONCE = 256
 _STEPS_AT_ONCE = 32
 
 
 def rolled(
-    network: RecurrentNetwork, data: TrainingRows, sequences: np.ndarray
+    network: ForecastNetwork, data: TrainingRows, sequences: np.ndarray
 ) -> Iterator[tuple[torch.Tensor, Tensors]]:
     """Outputs at every step of some sequences, in blocks of rows, which bounds the memory.
 
@@ -41,7 +41,7 @@ def rolled(
 
 
 def recall(
-    network: RecurrentNetwork,
+    network: ForecastNetwork,
     steps: Tensors,
     asked: Tensors,
     first: np.ndarray,

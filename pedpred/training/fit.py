@@ -17,7 +17,7 @@ from torch.optim.swa_utils import AveragedModel
 from pedpred.datasets.rows import EMBEDDED, TrainingRows
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.files import atomic_write, translate_errors
-from pedpred.models.contract import NetworkSettings, RecurrentNetwork
+from pedpred.models.contract import ForecastNetwork, NetworkSettings
 from pedpred.models.lstm.encoding import encode, load_encoder
 from pedpred.models.registry import describe_network, is_network
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
@@ -52,14 +52,14 @@ def load_rows(
 
 def initialise(
     settings: NetworkSettings, rows: TrainingRows, previous: Path | None, seed: int
-) -> RecurrentNetwork:
+) -> ForecastNetwork:
     """A network with the weights of the phase before.
 
     Args:
         settings: of the network to build.
         rows: whose widths and horizon the network gets.
         previous: checkpoint of the same network, or of the auto-encoder, from which the network takes what it
-            can (`RecurrentNetwork.take_encoder`); None starts with random weights.
+            can (`ForecastNetwork.take_encoder`); None starts with random weights.
         seed: of all other weights.
 
     Raises:
@@ -87,7 +87,7 @@ def fit(
     settings: SequenceSettings | InstantSettings,
     title: str,
     context: DistributedContext,
-) -> tuple[RecurrentNetwork, pd.DataFrame, dict[str, Any]]:
+) -> tuple[ForecastNetwork, pd.DataFrame, dict[str, Any]]:
     """Train a network.
 
     Args:
@@ -123,12 +123,12 @@ def fit(
     return networks[0] if runs == 1 else average_weights(networks), curve, about
 
 
-def average_weights(networks: Sequence[RecurrentNetwork]) -> RecurrentNetwork:
+def average_weights(networks: Sequence[ForecastNetwork]) -> ForecastNetwork:
     """A network with the mean of the weights of some."""
     mean = AveragedModel(networks[0])
     for network in networks:
         mean.update_parameters(network)
-    assert isinstance(mean.module, RecurrentNetwork)
+    assert isinstance(mean.module, ForecastNetwork)
     return mean.module
 
 

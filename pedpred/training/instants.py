@@ -14,7 +14,7 @@ from torch.nn.utils import clip_grad_norm_
 from pedpred.datasets.rows import TrainingRows, load_instants, select_held_out
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_ranges, parsed
-from pedpred.models.contract import Loss, RecurrentNetwork
+from pedpred.models.contract import ForecastNetwork, Loss
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.mixture.masking import InputMasking, mask
 from pedpred.training.distributed import ALONE, DistributedContext
@@ -54,7 +54,7 @@ class InstantSettings(FitSettings):
         return load_instants(folders)
 
     def learner(
-        self, network: RecurrentNetwork, rows: TrainingRows, context: DistributedContext
+        self, network: ForecastNetwork, rows: TrainingRows, context: DistributedContext
     ) -> InstantLearner:
         """Divide the worlds of each set."""
         return InstantLearner(network, rows, self, context)
@@ -90,12 +90,12 @@ def mix_shares(simulated: Mapping[str, float], real: Sequence[str], real_share: 
 class InstantLearner(Learner):
     """A network without memory and its rows; the last weights are kept."""
 
-    network: RecurrentNetwork
+    network: ForecastNetwork
     settings: InstantSettings
 
     def __init__(
         self,
-        network: RecurrentNetwork,
+        network: ForecastNetwork,
         data: TrainingRows,
         settings: InstantSettings,
         context: DistributedContext = ALONE,

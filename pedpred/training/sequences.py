@@ -16,7 +16,7 @@ from pedpred.datasets.lanes import SplitSettings, split_sequences, stream_lanes
 from pedpred.datasets.rows import TrainingRows, load_sequences
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_ranges, parsed
-from pedpred.models.contract import Loss, RecurrentNetwork, detach, reset, select
+from pedpred.models.contract import ForecastNetwork, Loss, detach, reset, select
 from pedpred.models.lstm.augmentation import Augmentation, AugmentedBatch, augment, look_up
 from pedpred.models.rolling import rolled
 from pedpred.training.distributed import ALONE, DistributedContext
@@ -72,7 +72,7 @@ class SequenceSettings(FitSettings, SplitSettings):
         return load_sequences(folders, embeddings)
 
     def learner(
-        self, network: RecurrentNetwork, rows: TrainingRows, context: DistributedContext
+        self, network: ForecastNetwork, rows: TrainingRows, context: DistributedContext
     ) -> SequenceLearner:
         """Divide the sequences."""
         divided = split_sequences(rows, self, np.random.default_rng(self.seed))
@@ -90,7 +90,7 @@ class SequenceLearner(Learner):
         validation: rows [first, last) of the sequences to choose the weights by. [S, 2]
     """
 
-    network: RecurrentNetwork
+    network: ForecastNetwork
     data: TrainingRows
     training: np.ndarray
     validation: np.ndarray

@@ -5,7 +5,7 @@ import dataclasses
 import torch
 from torch import nn
 
-from pedpred.models.contract import Loss, RecurrentNetwork, mean_over, velocity_distance
+from pedpred.models.contract import ForecastNetwork, Loss, mean_over, velocity_distance
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,7 +24,7 @@ class ToySettings:
         return ToyNetwork(self, widths, horizon_steps)
 
 
-class ToyNetwork(RecurrentNetwork):
+class ToyNetwork(ForecastNetwork):
     """A state of one tensor with two axes; the second mode stands still, and is the more likely one."""
 
     score_names = ("distance",)

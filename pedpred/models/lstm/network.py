@@ -16,8 +16,8 @@ from pedpred.fields import check_choice, check_ranges, parsed, parsed_each
 from pedpred.models.contract import (
     CHANNELS,
     UNITS,
+    ForecastNetwork,
     Loss,
-    RecurrentNetwork,
     Tensors,
     displacements,
     mean_over,
@@ -89,7 +89,7 @@ class LstmSettings:
         return MotionLstm(self, widths, horizon_steps)
 
 
-class MotionLstm(RecurrentNetwork):
+class MotionLstm(ForecastNetwork):
     """A projection and an LSTM per channel, a joint LSTM, a head that gives the next P velocities.
 
     Its outputs are "velocities" [..., P, 2], agent frame, m/s, and, unless `uncertainty` is "none", the
@@ -125,7 +125,7 @@ class MotionLstm(RecurrentNetwork):
         return {f"{name}_{part}": (n,) for name, n in units.items() for part in ("hidden", "cell")}
 
     def forward(self, inputs: Mapping[str, Tensor], state: Tensors) -> tuple[Tensors, Tensors]:
-        """Forecast after every step; see `RecurrentNetwork.forward`."""
+        """Forecast after every step; see `ForecastNetwork.forward`."""
         after: Tensors = {}
 
         def advance(name: str, lstm: nn.Module, values: Tensor) -> Tensor:

@@ -20,7 +20,7 @@ from torch.nn.functional import linear, log_softmax
 
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_ranges, parsed
-from pedpred.models.contract import UNITS, Loss, RecurrentNetwork, Tensors, displacements, mean_over
+from pedpred.models.contract import UNITS, ForecastNetwork, Loss, Tensors, displacements, mean_over
 from pedpred.models.gaussian import covariance_of, initial_spread, negative_log_density, spread_of
 from pedpred.models.mixture.encoders import BeamEncoder, NeighbourEncoder, motion_known, own_motion, own_signs
 from pedpred.models.mixture.mirror import MirroredLinear
@@ -94,7 +94,7 @@ class MixtureSettings:
         return MixtureNetwork(self, widths, horizon_steps)
 
 
-class MixtureNetwork(RecurrentNetwork):
+class MixtureNetwork(ForecastNetwork):
     """An encoder per channel, fully connected layers, and a head per output.
 
     Its outputs, agent frame: "velocities" of the point forecast [..., P, 2], m/s; "modes", the velocities of
@@ -138,13 +138,13 @@ class MixtureNetwork(RecurrentNetwork):
         return {}
 
     def forward(self, inputs: Mapping[str, Tensor], state: Tensors) -> tuple[Tensors, Tensors]:
-        """Forecast after every step; see `RecurrentNetwork.forward`."""
+        """Forecast after every step; see `ForecastNetwork.forward`."""
         axes = inputs["state"].shape[:-1]
         outputs, after = self.step({name: inputs[name].flatten(0, -2) for name in self.widths}, state)
         return {name: values.unflatten(0, axes) for name, values in outputs.items()}, after
 
     def step(self, inputs: Mapping[str, Tensor], state: Tensors) -> tuple[Tensors, Tensors]:
-        """Forecast some people; see `RecurrentNetwork.step`."""
+        """Forecast some people; see `ForecastNetwork.step`."""
         modes, steps = self.settings.modes, self.horizon_steps
         seen = {n: torch.zeros_like(v) if n in self.settings.unread else v for n, v in inputs.items()}
         motion = own_motion(seen)
