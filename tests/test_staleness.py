@@ -2,13 +2,14 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from pedpred.config import read_params
 from pedpred.errors import ValueRuleError
 from tests.configuration import stages
 from tests.conftest import ROOT
-from tools import staleness
+from tools import pipeline_picture, staleness
 from tools.readme import filled
 from tools.staleness import family, stale
 
@@ -183,10 +184,18 @@ def test_the_picture_shows_every_family_but_the_check(graph):
     assert set(flow) == ALL - {"config"}
 
 
-def test_arrows_of_the_picture_go_to_the_right_between_boxes_apart(graph):
+def test_arrows_of_the_picture_go_to_the_right_around_all_boxes(graph):
     flow = staleness.families(graph)
-    at = staleness.places(flow)
-    assert all(at[one][0] < at[other][0] for one, other in flow.edges)
-    assert len(set(at.values())) == len(flow)
-    texts = {text.get_text().replace("\n", "_") for text in staleness.picture(graph).axes[0].texts}
-    assert texts - {""} == set(flow)
+    layout = pipeline_picture.Layout(flow)
+    middles = np.array([layout.at[name] for name in flow])
+    sides = np.array([pipeline_picture.size_of(name) for name in flow]) / 2 - 1
+    apart = np.abs(middles[:, None] - middles) > sides[:, None] + sides
+    assert (apart.any(axis=-1) | np.eye(len(flow), dtype=bool)).all()
+    assert len(layout.arrows) == len(flow.edges)
+    for arrow in map(np.array, layout.arrows):
+        along = np.linspace(0, 1, 200)[:, None, None]
+        points = (arrow[:-1] + along * np.diff(arrow, axis=0)).reshape(-1, 2)
+        assert (np.diff(arrow[:, 0]) > 0).all()
+        assert not (np.abs(points[:, None] - middles) < sides).all(axis=-1).any()
+    texts = {text.get_text() for text in pipeline_picture.draw_families(flow).axes[0].texts}
+    assert texts == {name.replace("_", "\n") for name in flow}

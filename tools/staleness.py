@@ -16,24 +16,22 @@ from pathlib import Path
 from typing import Any
 
 import networkx as nx
-import numpy as np
 from dvc.dependency import ParamsDependency
 from dvc.dvcfile import load_file
 from dvc.repo import Repo
 from dvc.repo.index import Index
 from dvc.scm import SCMError
 from dvc.stage import Stage
-from matplotlib.figure import Figure
 
 from pedpred.config import SHARED, plain, read_params
 from pedpred.errors import FileError, ValueRuleError, user_errors
 from pedpred.files import write_text
-from pedpred.report.canvas import FAINT, INK, blank, styled, write_png
+from pedpred.report.canvas import write_png
 from tools.arguments import in_project
+from tools.pipeline_picture import draw_families
 from tools.readme import filled
 
 PAGE, PICTURE = Path("ARCHITECTURE.md"), Path("docs/pipeline.png")
-_SWEEPS = 20
 CHECK = "config"
 """The stage whose output does not depend on the values that it checks."""
 CHANGES = {
@@ -165,42 +163,6 @@ def families(graph: nx.DiGraph) -> nx.DiGraph:
     return nx.transitive_reduction(named).reverse()
 
 
-def places(flow: nx.DiGraph) -> dict[str, tuple[float, float]]:
-    """Where each family is drawn: a column before all that read it, beside what it is connected with."""
-    columns = [sorted(column) for column in nx.topological_generations(flow.reverse())][::-1]
-    at: dict[str, tuple[float, float]] = {
-        name: (x, y - len(column) / 2) for x, column in enumerate(columns) for y, name in enumerate(column)
-    }
-    for _ in range(_SWEEPS):
-        for x, column in enumerate(columns):
-            wanted = {n: np.mean([at[m][1] for m in nx.all_neighbors(flow, n)] or [at[n][1]]) for n in column}
-            for y, name in enumerate(sorted(column, key=lambda name: (wanted[name], name))):
-                at[name] = (x, y - (len(column) - 1) / 2)
-    return at
-
-
-@styled
-def picture(graph: nx.DiGraph) -> Figure:
-    """Draw the families of stages from left to right, with an arrow to each from what it reads."""
-    flow = families(graph)
-    at, figure = places(flow), blank(13.0, 4.6)
-    axes = figure.subplots()
-    for one, other in sorted(flow.edges):
-        axes.annotate(
-            "",
-            at[other],
-            at[one],
-            arrowprops={"arrowstyle": "-|>", "color": FAINT, "shrinkA": 30, "shrinkB": 30},
-        )
-    for name, where in sorted(at.items()):
-        box = {"boxstyle": "round", "facecolor": "white", "edgecolor": INK}
-        axes.annotate(name.replace("_", "\n"), where, ha="center", va="center", bbox=box)
-    low, high = np.min(list(at.values()), axis=0) - 0.5, np.max(list(at.values()), axis=0) + 0.5
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    axes.axis("off")
-    return figure
-
-
 def marked(graph: nx.DiGraph) -> dict[str, str]:
     """What stands between the marks of the page: name -> Markdown."""
     return {"stale": staleness_table(graph)}
@@ -224,7 +186,7 @@ def main() -> None:
         print("\n".join(describe(graph, change)))
     if args.write:
         write_text(PAGE, filled(PAGE.read_text(), marked(graph)))
-        write_png(picture(graph), PICTURE)
+        write_png(draw_families(families(graph)), PICTURE)
     elif not args.change:
         print(*marked(graph).values(), sep="\n\n")
 
