@@ -16,10 +16,10 @@ from matplotlib.path import Path as Corners
 from pedpred.report.canvas import FAINT, INK, blank, styled
 
 PIXELS_PER_INCH = 95.0
-LINE, LETTER = 13.0, 6.4
+LINE, LETTER = 13.0, 6.2
 """Height of a line and mean width of a letter of a label, pixels."""
 
-PADDING, BETWEEN, COLUMNS_APART, LANE = 12.0, 6.0, 40.0, 12.0
+PADDING, BETWEEN, COLUMNS_APART, LANE = 12.0, 6.0, 44.0, 12.0
 """Around a label, between two boxes of a column, between columns, and width of a passing arrow; pixels."""
 
 SWEEPS = 12
@@ -63,16 +63,19 @@ class Layout:
         layout.draw(SWEEPS)
         layout.draw_edges()
         self.at: dict[str, Point] = {name: box.view.xy[::-1] for name, box in boxes.items()}
-        widest = max(size_of(name)[0] for name in flow) / 2
+        widest = (max(size_of(name)[0] for name in flow) + PADDING) / 2
         self.arrows = [self._around(edge, widest) for edge in edges]
 
     def _around(self, edge: Edge, beside: float) -> list[Point]:
-        """Corners of an arrow, which passes each column between its boxes."""
-        (first, *passed, last), (one, other) = edge.view._pts, edge.v
+        """Corners of an arrow, which turns only between columns."""
+        (one, other), (_, *passed, _) = edge.v, edge.view._pts
+        (y_one, x_one), (y_other, x_other) = one.view.xy, other.view.xy
         return [
-            (first[1] + one.view.h / 2, first[0]),
+            (x_one + one.view.h / 2, y_one),
+            (x_one + beside, y_one),
             *((x + side, y) for y, x in passed for side in (-beside, beside)),
-            (last[1] - other.view.h / 2, last[0]),
+            (x_other - beside, y_other),
+            (x_other - other.view.h / 2, y_other),
         ]
 
 
