@@ -86,7 +86,7 @@ def read_bag(
         maps = _map_topic(path, connections, map_topic)
         ground, instants = _read(path, bag, [*sources, *maps, *_updates_of(maps, connections)], classes)
         with translate_errors(partial(problem, remedy="")):
-            people = People(instants, partial(_log.warning, "%s: %s", path))
+            people = People(instants, partial(_log.warning, "%s: %s: %s", path, sources[0].topic))
             frame = None if ground is None else frame_name(ground.header.frame_id)
             position = people.in_one_frame(frame, transform, partial(_transforms, path, bag))
             trajectories = people.trajectories(position, names)
@@ -104,7 +104,7 @@ def _read(
     Messages that cannot be decoded are left out with a warning, unless all of people are such, or all maps;
     one that would unpack to too much is refused.
     """
-    ground, instants = Ground(path), []
+    ground, instants = Ground(path), list[Instant]()
     people, maps = Messages(path, bag), Messages(path, bag)
     for connection, received_ns, raw in bag.messages(connections=connections):
         kind = connection.msgtype
@@ -112,7 +112,7 @@ def _read(
             if (message := maps.decoded(raw, connection)) is not None:
                 ground.take(connection.topic, message, kind == UPDATE_TYPE)
         elif (message := people.decoded(raw, connection)) is not None:
-            instants.append(Instant.of(message, kind, received_ns / 1e9, classes))
+            instants += Instant.all_of(message, kind, received_ns / 1e9, classes)
     if people.first is not None and not any(each.ids or each.others for each in instants):
         raise people.first
     people.tell()

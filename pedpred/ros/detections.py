@@ -15,6 +15,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.ros.clocks import find_false, find_missing, find_passes, in_a_row
 from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, frame_name, is_robots, lacks_height
 from pedpred.ros.frames import Transform, check_frames
+from pedpred.ros.headers import by_header
 from pedpred.ros.identity import check_identity
 from pedpred.ros.localisation import find_poses, without_jumps
 from pedpred.ros.people import (
@@ -24,7 +25,6 @@ from pedpred.ros.people import (
     find_usable,
     labels_of,
 )
-from pedpred.ros.scene_messages import seconds
 from pedpred.scenes import Trajectories, rule_of
 from pedpred.tables.classes import PERSON_CLASSES, is_person
 from pedpred.tables.placeholders import find_placeholders, left_out
@@ -37,15 +37,17 @@ _ROBOT_REMEDY = "a robot's frame moves: record /tf up to the map's frame too"
 
 @dataclass(frozen=True)
 class Instant:
-    """One message of people.
+    """People who were seen at one time in one frame: those of one message, mostly.
 
     Attributes:
-        stamp_s: of its header, s.
-        received_s: when the bag received it, s.
+        stamp_s: when, s.
+        received_s: when the bag received the message, s.
         frame: of the places, without a leading slash.
         ids: who.
         place: where, m; what is unknown is NaN. [n, 3]
         others: classes of the detections that are not people, and are left out.
+        time_ns: when, ns.
+        array_frame: the frame that the message names, where the headers of its detections name another one.
     """
 
     stamp_s: float
@@ -54,11 +56,13 @@ class Instant:
     ids: tuple[str, ...]
     place: np.ndarray
     others: tuple[str, ...] = ()
+    time_ns: int = 0
+    array_frame: str = ""
 
     @classmethod
-    def of(
+    def all_of(
         cls, message: Any, kind: str, received_s: float, classes: Collection[str] = PERSON_CLASSES
-    ) -> Instant:
+    ) -> list[Instant]:
         """Take what counts of a decoded message; of a place, what is no number or absurd is NaN.
 
         Args:
@@ -66,17 +70,23 @@ class Instant:
             kind: its type.
             received_s: when the bag received it, s.
             classes: who is a person, where detections have classes.
+
+        Returns:
+            One for each time and frame of its detections, see `by_header`; of nobody if it has none.
         """
-        people = list(ADAPTERS[kind](message))
-        labels = labels_of(message) if kind == LABELLED else [""] * len(people)
-        others = tuple(label for label in labels if not is_person(label, classes))
-        people = [one for one, label in zip(people, labels, strict=True) if is_person(label, classes)]
-        place = np.array([(at.x, at.y, at.z) for _, at in people], np.float64).reshape(-1, 3)
-        possible = rule_of("position", place)[1]
-        place = np.where(possible, place, np.nan)
-        header = message.header
-        ids = tuple(str(name) for name, _ in people)
-        return cls(seconds(header.stamp), received_s, frame_name(header.frame_id), ids, place, others)
+        detected = list(ADAPTERS[kind](message))
+        labels = labels_of(message) if kind == LABELLED else [""] * len(detected)
+        instants = []
+        for time_ns, frame, rows in by_header(message.header, [one.header for one in detected]):
+            others = tuple(labels[row] for row in rows if not is_person(labels[row], classes))
+            people = [detected[row] for row in rows if is_person(labels[row], classes)]
+            at = [(one.position.x, one.position.y, one.position.z) for one in people]
+            place = np.array(at, np.float64).reshape(-1, 3)
+            place = np.where(rule_of("position", place)[1], place, np.nan)
+            ids, outer = tuple(str(one.name) for one in people), frame_name(message.header.frame_id)
+            another = outer if outer != frame else ""
+            instants.append(cls(_seconds(time_ns), received_s, frame, ids, place, others, time_ns, another))
+        return instants
 
 
 class People:
@@ -90,6 +100,7 @@ class People:
     def __init__(self, instants: Sequence[Instant], warn: Callable[[str], object]):
         self._warn = warn
         self._tell_others(instants)
+        self._tell_frames([each for each in instants if each.ids])
         stamp_s = np.array([each.stamp_s for each in instants], np.float64)
         received_s = np.array([each.received_s for each in instants], np.float64)
         if received_s.any() and _stands_still(instants):
@@ -127,6 +138,16 @@ class People:
         if others:
             listed = ", ".join(f"{count} of {label!r}" for label, count in others.most_common(_TOLD))
             self._warn(f"left out: detections that are not people, {listed}")
+
+    def _tell_frames(self, instants: Sequence[Instant]) -> None:
+        """Tell where frames are not named, or where messages and their detections name different ones."""
+        if nowhere := sum(not each.frame for each in instants):
+            text = f"{nowhere} of {len(instants)} messages name no frame (header.frame_id is empty)"
+            self._warn(f"{text}: their places count as they are, so give the frame if the robot moves")
+        differ = Counter((each.array_frame, each.frame) for each in instants if each.array_frame)
+        for (outer, inner), count in differ.most_common(_TOLD):
+            text = f"{count} messages are in {outer!r}, and the headers of their detections in {inner!r}"
+            self._warn(f"{text}, which counts: correct these headers if places are in {outer!r}")
 
     def in_one_frame(
         self, grid: str | None, transform: Transform | None, transforms: Callable[[], FrameTree]
@@ -260,6 +281,11 @@ class People:
             places = tuple([at[there] for at, there in zip(each, named, strict=True)] for each in places)
         position, read = places
         return ids, list(position), list(read)
+
+
+def _seconds(time_ns: int) -> float:
+    """As `scene_messages.seconds` of a stamp, to the last bit: transforms are found by these times, s."""
+    return time_ns // 10**9 + time_ns % 10**9 / 1e9
 
 
 def _stands_still(instants: Sequence[Instant]) -> bool:

@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pedpred.errors import brief
 from pedpred.scenes import rule_of
 
-Adapter = Callable[[Any], Iterator[tuple[object, Any]]]
-"""A message -> (name, position with x and y in m) of every person in it."""
+
+class Detected(NamedTuple):
+    """One person in a message.
+
+    Attributes:
+        name: who.
+        position: with x, y and z in m.
+        header: of this detection alone; None where the type has none.
+    """
+
+    name: object
+    position: Any
+    header: Any = None
+
+
+Adapter = Callable[[Any], Iterable[Detected]]
+"""A message -> every person in it."""
 
 _LARGEST = 2**63 - 1
 _MOST_DIGITS = len(str(_LARGEST))
@@ -19,30 +34,37 @@ _ROBOT = 2
 """The type of a robot among the agents of pedsim and of HuNavSim."""
 
 
-def _poses(message: Any) -> Iterator[tuple[object, Any]]:
+def _poses(message: Any) -> Iterator[Detected]:
     """Poses have no names: the index in the list identifies the person."""
-    return ((index, pose.position) for index, pose in enumerate(message.poses))
+    return (Detected(index, pose.position) for index, pose in enumerate(message.poses))
 
 
-def _agents(agents: Any, position: Callable[[Any], Any]) -> Iterator[tuple[object, Any]]:
+def _agents(agents: Any, position: Callable[[Any], Any]) -> Iterator[Detected]:
     """Agents of a simulator, without its robot."""
-    return ((agent.id, position(agent)) for agent in agents if getattr(agent, "type", 0) != _ROBOT)
+    people = (agent for agent in agents if getattr(agent, "type", 0) != _ROBOT)
+    return (Detected(agent.id, position(agent), getattr(agent, "header", None)) for agent in people)
+
+
+def _box(detection: Any) -> Detected:
+    """A detection of vision_msgs."""
+    name = getattr(detection, "id", getattr(detection, "tracking_id", ""))
+    return Detected(name, detection.bbox.center.position, detection.header)
 
 
 ADAPTERS: dict[str, Adapter] = {
-    "people_msgs/msg/People": lambda m: ((p.name, p.position) for p in m.people),
-    "people_msgs/msg/PositionMeasurementArray": lambda m: ((p.object_id, p.pos) for p in m.people),
+    "people_msgs/msg/People": lambda m: (Detected(p.name, p.position) for p in m.people),
+    "people_msgs/msg/PositionMeasurementArray": lambda m: (
+        Detected(p.object_id, p.pos, p.header) for p in m.people
+    ),
     "spencer_tracking_msgs/msg/TrackedPersons": lambda m: (
-        (t.track_id, t.pose.pose.position) for t in m.tracks
+        Detected(t.track_id, t.pose.pose.position) for t in m.tracks
     ),
     "hunav_msgs/msg/Agents": lambda m: _agents(m.agents, lambda agent: agent.position.position),
     "pedsim_msgs/msg/AgentStates": lambda m: _agents(m.agent_states, lambda agent: agent.pose.position),
-    "vision_msgs/msg/Detection3DArray": lambda m: (
-        (getattr(d, "id", getattr(d, "tracking_id", "")), d.bbox.center.position) for d in m.detections
-    ),
+    "vision_msgs/msg/Detection3DArray": lambda m: map(_box, m.detections),
     "geometry_msgs/msg/PoseArray": _poses,
 }
-"""The supported message types. All have a header with stamp and frame."""
+"""The supported message types. All have a header with stamp and frame; detections of some have one, too."""
 
 LABELLED = "vision_msgs/msg/Detection3DArray"
 """The one whose detections have classes."""

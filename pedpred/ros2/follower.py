@@ -279,24 +279,31 @@ class Follower:
         kind = self.settings.people_type
         with self.counts.refusing():
             message = self._decoded(raw, kind)
-            instant = Instant.of(message, kind, clock_ns / 1e9, self.settings.class_ids)
-        stamp = message.header.stamp
-        time_ns = stamp.sec * 10**9 + stamp.nanosec
-        self.counts.detections += len(instant.ids)
-        self.counts.others += len(instant.others)
-        if instant.others:
+            instants = Instant.all_of(message, kind, clock_ns / 1e9, self.settings.class_ids)
+        self.counts.detections += sum(len(one.ids) for one in instants)
+        others = {label for one in instants for label in one.others}
+        self.counts.others += sum(len(one.others) for one in instants)
+        if others:
             text = "left out: detections of class %s; parameter class_ids says who is a person"
-            _log.info(text, sorted(set(instant.others)))
-        if not time_ns:
+            _log.info(text, sorted(others))
+        for one in instants:
+            if one.ids and one.array_frame:
+                text = "people are in %r, and the headers of their detections in %r, which counts"
+                _log.warning(text, one.array_frame, one.frame)
+            self._queue(one, clock_ns, now_s, waited_s)
+
+    def _queue(self, one: Instant, clock_ns: int, now_s: float, waited_s: float) -> None:
+        """Let people wait for their transforms; see `people_came`."""
+        if not one.time_ns:
             _log.warning("people have no stamp: the time of their arrival is taken")
             time_ns = max(clock_ns - round(waited_s * 1e9), 0)
-            instant = replace(instant, stamp_s=time_ns / 1e9)
-        self._heard = instant
+            one = replace(one, stamp_s=time_ns / 1e9, time_ns=time_ns)
+        self._heard = one
         if len(self._waiting) >= _MOST_WAITING:  # the first ones stay: their transforms come first
             self.counts.lost += 1
             _log.warning("people left out: %d messages wait for transforms", _MOST_WAITING)
             return
-        self._waiting.append(_Waiting(now_s - waited_s, now_s, clock_ns, time_ns, instant))
+        self._waiting.append(_Waiting(now_s - waited_s, now_s, clock_ns, one.time_ns, one))
 
     def _decoded(self, raw: bytes, kind: str) -> Any:
         """A message.
