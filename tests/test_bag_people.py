@@ -265,3 +265,46 @@ def test_impossible_speeds_and_times_are_doubted(store, tmp_path, caplog):
     slow = [(100.0 * k, {"3": (0.1 * k, 0.0)}) for k in range(20)]
     with pytest.raises(SourceError, match=r"usually 100 s between two detections.*seconds and nanoseconds"):
         read_bag(bag(store, tmp_path / "ms", *slow))
+
+
+# Places that are not in the box
+
+
+def likely_at(path, *results, centre=(0.0, 0.0, 0.0)):
+    """A bag of two detections whose boxes are left empty; a result is (class, score, x of the first one)."""
+    store, kind = Filled(0), "vision_msgs/msg/Detection3DArray"
+    messages = []
+    for k in range(10):
+        several = []
+        for number in (7, 8):
+            made = []
+            for label, score, x in results:
+                inner = store.make("vision_msgs/msg/ObjectHypothesis", class_id=label, score=score)
+                pose = store.pose(x + k / 10, float(number) if x else 0.0)
+                sure = store.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36))
+                one = "vision_msgs/msg/ObjectHypothesisWithPose"
+                made.append(store.make(one, hypothesis=inner, pose=sure))
+            box = store.make("vision_msgs/msg/BoundingBox3D", center=store.pose(*centre[:2]))
+            box.center.position.z = centre[2]
+            given = {"header": store.header(k / 10, "map"), "bbox": box, "id": str(number), "results": made}
+            several.append(store.make("vision_msgs/msg/Detection3D", **given))
+        messages.append(
+            ("/boxes", kind, store.make(kind, header=store.header(k / 10, "map"), detections=several))
+        )
+    store.write(path, messages)
+    return path
+
+
+def test_people_without_a_box_are_at_their_likeliest_pose(tmp_path):
+    path = likely_at(tmp_path / "hall", ("person", 0.3, 40.0), ("person", 0.6, 2.0), ("person", 0.1, 60.0))
+    people = read_bag(path).trajectories
+    np.testing.assert_allclose(people.position[people.track_id == 8, 0], 2.0 + np.arange(10) / 10)
+    np.testing.assert_allclose(people.position[people.track_id == 8, 1], 8.0)
+
+
+@pytest.mark.parametrize("results", [(), [("person", 0.5, 5.0)]])
+def test_everybody_at_one_place_is_refused_with_the_topic(results, tmp_path):
+    """A box that is there counts, whatever the results say."""
+    path = likely_at(tmp_path / "hall", *results, centre=(3.0, 0.0, 0.5))
+    with pytest.raises(SourceError, match=r"hall: /boxes: position = \[3\.0, 0\.0\], .*always there"):
+        read_bag(path)

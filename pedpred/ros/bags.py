@@ -18,6 +18,7 @@ from pedpred.ros.frame_tree import FrameTree, frame_name
 from pedpred.ros.frames import Transform
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
 from pedpred.ros.people import ADAPTERS, LABELLED
+from pedpred.ros.places import check_several
 from pedpred.ros.planning import NO_MAP
 from pedpred.ros.scene_messages import map_of_grid
 from pedpred.ros.storages import opened
@@ -85,12 +86,15 @@ def read_bag(
             raise SourceError(path, None, lack, "Leave --class out")
         maps = _map_topic(path, connections, map_topic)
         ground, instants = _read(path, bag, [*sources, *maps, *_updates_of(maps, connections)], classes)
-        with translate_errors(partial(problem, remedy="")):
-            people = People(instants, partial(_log.warning, "%s: %s: %s", path, sources[0].topic))
+        topic = sources[0].topic
+        with translate_errors(lambda lack: problem(f"{topic}: {lack}", remedy="")):
+            people = People(instants, partial(_log.warning, "%s: %s: %s", path, topic))
             frame = None if ground is None else frame_name(ground.header.frame_id)
             position = people.in_one_frame(frame, transform, partial(_transforms, path, bag))
             trajectories = people.trajectories(position, names)
+            check_several(trajectories)
             dt_s = _checked_interval_s(path, trajectories)
+        with translate_errors(partial(problem, remedy="")):
             free = partial(OccupancyMap.free_around, trajectories.position)
             name = Path(path.stem) if path.suffix in _FOLLOWED else path
             return Scene(name.stem, trajectories, free() if ground is None else map_of_grid(ground), dt_s)

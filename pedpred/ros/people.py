@@ -46,9 +46,12 @@ def _agents(agents: Any, position: Callable[[Any], Any]) -> Iterator[Detected]:
 
 
 def _box(detection: Any) -> Detected:
-    """A detection of vision_msgs."""
+    """A detection of vision_msgs: in the middle of its box, or at its likeliest pose if that is empty."""
     name = getattr(detection, "id", getattr(detection, "tracking_id", ""))
-    return Detected(name, detection.bbox.center.position, detection.header)
+    position = detection.bbox.center.position
+    if not (position.x or position.y or position.z) and (likely := _likeliest(detection)) is not None:
+        position = likely.pose.pose.position
+    return Detected(name, position, detection.header)
 
 
 ADAPTERS: dict[str, Adapter] = {
@@ -72,13 +75,15 @@ LABELLED = "vision_msgs/msg/Detection3DArray"
 
 def labels_of(message: Any) -> list[str]:
     """The likeliest class of each detection of a vision_msgs/Detection3DArray; empty where it has none."""
-    likely = [max(_hypotheses(one), key=lambda each: each.score, default=None) for one in message.detections]
-    return ["" if one is None else str(getattr(one, "class_id", getattr(one, "id", ""))) for one in likely]
+    likely = [_likeliest(one) for one in message.detections]
+    classes = [None if one is None else getattr(one, "hypothesis", one) for one in likely]
+    return ["" if one is None else str(getattr(one, "class_id", getattr(one, "id", ""))) for one in classes]
 
 
-def _hypotheses(detection: Any) -> list[Any]:
-    """Classes with scores, of every edition of the package."""
-    return [getattr(result, "hypothesis", result) for result in getattr(detection, "results", ())]
+def _likeliest(detection: Any) -> Any | None:
+    """The result with the highest score, of every edition of the package; None: there is none."""
+    results = list(getattr(detection, "results", ()))
+    return max(results, key=lambda one: getattr(one, "hypothesis", one).score) if results else None
 
 
 class TrackNumbers:
