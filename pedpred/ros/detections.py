@@ -25,6 +25,7 @@ from pedpred.ros.people import (
     find_usable,
     labels_of,
 )
+from pedpred.ros.places import check_heights
 from pedpred.scenes import Trajectories, rule_of
 from pedpred.tables.classes import PERSON_CLASSES, is_person
 from pedpred.tables.placeholders import find_placeholders, left_out
@@ -163,7 +164,8 @@ class People:
             m, NaN where a transform is missing. [n, 2] each
 
         Raises:
-            ValueRuleError: people and map are in different frames, and how they lie is unknown.
+            ValueRuleError: people and map are in different frames, and how they lie is unknown, or another
+                axis than z looks like the height.
         """
         # the frame of a message of nobody says nothing
         frames = {each.frame for each in self._instants if each.ids}
@@ -174,10 +176,17 @@ class People:
             if _CARRIED.search(targets[frame]) and transform is None:
                 self._warn(f"people are in {frame!r}, and nothing says how that moves: {_ROBOT_REMEDY}")
         placed = self._placed(tree, targets)
+        everybody = np.concatenate([np.zeros((0, 3)), *placed])
+        known: dict[str, int] = {}
+        who = [known.setdefault(name, len(known)) for each in self._instants for name in each.ids]
+        check_heights(
+            everybody, np.array(who, np.int64), ", ".join(sorted(set(targets.values()))), self._warn
+        )
+        placed = [places[:, :2] for places in placed]
         return placed if transform is None else [transform.to_map(places) for places in placed]
 
     def _placed(self, tree: FrameTree, targets: dict[str, str]) -> list[np.ndarray]:
-        """The places of each message in the target of its frame. [n, 2] each."""
+        """The places of each message in the target of its frame, m. [n, 3] each."""
         result = [each.place for each in self._instants]
         for frame, target in targets.items():
             for number in range(int(self._passes.max(initial=0)) + 1) if frame != target else ():
@@ -202,7 +211,7 @@ class People:
                 moved[:, :2] = self._without_jumps(tree, frames, time_s, moved[:, :2], heard_s)
                 for row, part in zip(rows, np.split(moved, np.cumsum(counts)[:-1]), strict=True):
                     result[row] = part
-        return [places[:, :2] for places in result]
+        return result
 
     def _without_jumps(
         self,

@@ -82,8 +82,11 @@ def labels_of(message: Any) -> list[str]:
 
 def _likeliest(detection: Any) -> Any | None:
     """The result with the highest score, of every edition of the package; None: there is none."""
-    results = list(getattr(detection, "results", ()))
-    return max(results, key=lambda one: getattr(one, "hypothesis", one).score) if results else None
+    return max(getattr(detection, "results", ()), key=_score, default=None)
+
+
+def _score(result: Any) -> float:
+    return float(getattr(result, "hypothesis", result).score)
 
 
 class TrackNumbers:
