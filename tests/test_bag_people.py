@@ -308,3 +308,31 @@ def test_everybody_at_one_place_is_refused_with_the_topic(results, tmp_path):
     path = likely_at(tmp_path / "hall", *results, centre=(3.0, 0.0, 0.5))
     with pytest.raises(SourceError, match=r"hall: /boxes: position = \[3\.0, 0\.0\], .*always there"):
         read_bag(path)
+
+
+# Ids that mean nobody
+
+
+@pytest.mark.parametrize("nobody", ["", "nan", "NaN", "-1"])
+@pytest.mark.parametrize("several", [1, 2])
+def test_detections_of_nobody_are_left_out_and_counted(nobody, several, store, tmp_path, caplog):
+    """As of trackers that write -1 for what they do not follow, here and there."""
+    far = [(nobody, (20.0 - 9.0 * n, 3.0)) for n in range(several)]
+    steps = [(k / 10, [("3", (k / 10, 0.0)), *(far if k % 3 else ())]) for k in range(30)]
+    people = read_bag(bag(store, tmp_path / "hall", *steps)).trajectories
+    assert people.track_id.tolist() == [3] * 30
+    count = 20 * several
+    assert (
+        f"/people: left out: {count} of {count + 30} detections, which have no id: [{nobody!r}]"
+        in caplog.text
+    )
+
+
+@pytest.mark.parametrize("names", [["-1", "-2", "-3"], ["-1"], ["Nan", "nan1"]])
+def test_negative_ids_and_names_are_people(names, store, tmp_path, caplog):
+    steps = [(k / 10, {name: (k / 10, 2.0 * n) for n, name in enumerate(names)}) for k in range(10)]
+    called = {}
+    people = read_bag(bag(store, tmp_path / "hall", *steps), names=called).trajectories
+    assert len(people) == 10 * len(names)
+    assert sorted(called.values()) == sorted(names)
+    assert "no id" not in caplog.text

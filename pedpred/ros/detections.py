@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.errors import ValueRuleError
+from pedpred.errors import ValueRuleError, brief
 from pedpred.ros.clocks import find_false, find_missing, find_passes, in_a_row
 from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, frame_name, is_robots, lacks_height
 from pedpred.ros.frames import Transform, check_frames
@@ -21,6 +21,7 @@ from pedpred.ros.localisation import find_poses, without_jumps
 from pedpred.ros.people import (
     ADAPTERS,
     LABELLED,
+    Nameless,
     TrackNumbers,
     find_usable,
     labels_of,
@@ -282,11 +283,18 @@ class People:
         self, ids: list[tuple[str, ...]], *places: Sequence[np.ndarray]
     ) -> tuple[list[tuple[str, ...]], list[np.ndarray], list[np.ndarray]]:
         """Those who have an id, unless nobody has, and their places in two frames."""
-        named = [np.array([bool(name) for name in each], bool) for each in ids]
+        nameless = Nameless()
+        for each in ids:
+            nameless.note(each)
+        known = [nameless.named(each) for each in ids]
+        named = [np.array([bool(name) for name in each], bool) for each in known]
         count = sum(int(there.sum()) for there in named)
-        if nameless := sum(map(len, ids)) - count if count else 0:
-            self._warn(f"left out: {nameless} of {nameless + count} detections, which have no id")
-            ids = [tuple(name for name in each if name) for each in ids]
+        if lack := sum(map(len, ids)) - count if count else 0:
+            pairs = zip(ids, named, strict=True)
+            written = {name for each, there in pairs for name in np.array(each, object)[~there]}
+            text = f"left out: {lack} of {lack + count} detections, which have no id"
+            self._warn(f"{text}: {brief(sorted(written))}")
+            ids = [tuple(name for name in each if name) for each in known]
             places = tuple([at[there] for at, there in zip(each, named, strict=True)] for each in places)
         position, read = places
         return ids, list(position), list(read)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
@@ -30,6 +31,7 @@ Adapter = Callable[[Any], Iterable[Detected]]
 
 _LARGEST = 2**63 - 1
 _MOST_DIGITS = len(str(_LARGEST))
+_NO_NUMBER, _NOBODY, _NEGATIVE = {"nan", "NaN", "-nan"}, "-1", re.compile(r"-[0-9]+")
 _ROBOT = 2
 """The type of a robot among the agents of pedsim and of HuNavSim."""
 
@@ -87,6 +89,22 @@ def _likeliest(detection: Any) -> Any | None:
 
 def _score(result: Any) -> float:
     return float(getattr(result, "hypothesis", result).score)
+
+
+class Nameless:
+    """Tells ids that mean nobody: empty ones, NaN, and -1 unless others are negative, as in tables."""
+
+    def __init__(self) -> None:
+        self._negative = False
+
+    def note(self, ids: Iterable[str]) -> None:
+        """Look for other negative ids."""
+        self._negative |= any(one != _NOBODY and _NEGATIVE.fullmatch(one) for one in ids)
+
+    def named(self, ids: Iterable[str]) -> tuple[str, ...]:
+        """The ids, where those that mean nobody are empty."""
+        nobody = _NO_NUMBER if self._negative else {*_NO_NUMBER, _NOBODY}
+        return tuple("" if one in nobody else one for one in ids)
 
 
 class TrackNumbers:

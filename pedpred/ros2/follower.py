@@ -24,7 +24,7 @@ from pedpred.ros.detections import Instant
 from pedpred.ros.frame_tree import frame_name
 from pedpred.ros.localisation import JUMPS_MPS, Poses, moved
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
-from pedpred.ros.people import find_usable
+from pedpred.ros.people import Nameless, find_usable
 from pedpred.ros.planning import PREDICTIONS_TYPE, predictions_message, tell_rounding
 from pedpred.ros.scene_messages import blocked, map_of_grid, updated_grid
 from pedpred.ros2.identities import Identities
@@ -142,6 +142,7 @@ class Follower:
         self._map = _Map(frame_name(settings.map_frame))
         self._waiting: deque[_Waiting] = deque()
         self._identities = Identities(settings.identities, settings.people_type)
+        self._nameless = Nameless()
         predictor.name = self._identities.name
         self._named: dict[int, str] = {}
         self._is_behind = False
@@ -294,6 +295,8 @@ class Follower:
 
     def _queue(self, one: Instant, clock_ns: int, now_s: float, waited_s: float) -> None:
         """Let people wait for their transforms; see `people_came`."""
+        self._nameless.note(one.ids)
+        one = replace(one, ids=self._nameless.named(one.ids))
         if not one.time_ns:
             _log.warning("people have no stamp: the time of their arrival is taken")
             time_ns = max(clock_ns - round(waited_s * 1e9), 0)
