@@ -16,7 +16,7 @@ from pedpred.ros.clocks import find_false, find_missing, find_passes, in_a_row
 from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, frame_name, is_robots, lacks_height
 from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.headers import by_header
-from pedpred.ros.identity import check_identity
+from pedpred.ros.identity import check_identity, check_steps
 from pedpred.ros.localisation import find_poses, without_jumps
 from pedpred.ros.people import (
     ADAPTERS,
@@ -277,7 +277,9 @@ class People:
         if unknown.any():
             self._warn(left_out(written[kept][unknown], len(unknown)))
             kept[kept] = ~unknown
-        return Trajectories(time_s[kept], track_id[kept], places[kept])
+        people = Trajectories(time_s[kept], track_id[kept], places[kept])
+        check_steps(people)
+        return people
 
     def _named(
         self, ids: list[tuple[str, ...]], *places: Sequence[np.ndarray]
