@@ -336,3 +336,32 @@ def test_negative_ids_and_names_are_people(names, store, tmp_path, caplog):
     assert len(people) == 10 * len(names)
     assert sorted(called.values()) == sorted(names)
     assert "no id" not in caplog.text
+
+
+# Units
+
+
+@pytest.mark.parametrize(("per_m", "unit"), [(100.0, "cm"), (1000.0, "mm"), (1e6, "another unit")])
+def test_lengths_in_another_unit_are_refused(per_m, unit, store, tmp_path):
+    steps = [(k / 10, {"3": (per_m * k / 10, 0.0), "4": (0.0, per_m * k / 8)}) for k in range(20)]
+    told = rf"hall: /people: position = .* half of the time.*: are lengths {unit} in place of metres.*--unit"
+    with pytest.raises(SourceError, match=told):
+        read_bag(bag(store, tmp_path / "hall", *steps))
+
+
+def test_degrees_are_refused(store, tmp_path):
+    steps = [(k / 10, {"3": (8.5 + 1e-6 * k, 47.3), "4": (8.5, 47.3 - 1e-6 * k)}) for k in range(20)]
+    with pytest.raises(SourceError, match=r"hall: /people: position = \[8.5, 47.3\], .*degrees.*metres"):
+        read_bag(bag(store, tmp_path / "hall", *steps))
+
+
+@pytest.mark.parametrize("rate_hz", [2, 10, 100])
+def test_one_of_three_who_is_too_fast_is_warned_about(rate_hz, store, tmp_path, caplog):
+    rng = np.random.default_rng(0)
+    steps = []
+    for k in range(40):
+        noise = rng.normal(0, 0.03, (3, 2))
+        way = np.array([[k, 0.0], [0.5 * k, 3.0], [40.0 * k, 9.0]]) / rate_hz + noise
+        steps.append((k / rate_hz, {str(n): tuple(at) for n, at in enumerate(way.tolist())}))
+    assert len(read_bag(bag(store, tmp_path / "hall", *steps)).trajectories) == 120
+    assert "faster than people walk" in caplog.text

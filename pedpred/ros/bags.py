@@ -18,7 +18,7 @@ from pedpred.ros.frame_tree import FrameTree, frame_name
 from pedpred.ros.frames import Transform
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
 from pedpred.ros.people import ADAPTERS, LABELLED
-from pedpred.ros.places import check_several
+from pedpred.ros.places import check_lengths, check_several
 from pedpred.ros.planning import NO_MAP
 from pedpred.ros.scene_messages import map_of_grid
 from pedpred.ros.storages import opened
@@ -54,8 +54,8 @@ def read_bag(
 
     Detections without a place, an id, a stamp or a transform at their time, with a false stamp, of other
     classes than people, and second ones of a track in one instant, are left out with a warning. A bag that is
-    cut, or was not closed, is read up to the cut, with a warning, and so is one in which people move
-    impossibly fast.
+    cut, or was not closed, is read up to the cut, with a warning, and so is one in which one person, or
+    some people, move impossibly fast.
 
     Args:
         path: a .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
@@ -72,8 +72,8 @@ def read_bag(
 
     Raises:
         SourceError: the file is not a bag, no topic or several carry people, several carry a map, people
-            and map are in different frames, ids do not say who is who, classes are named and the messages
-            have none, or they make no scene.
+            and map are in different frames, ids do not say who is who, places are degrees or not in
+            metres, classes are named and the messages have none, or they make no scene.
     """
     check_input(path, None, SourceError)
     problem = partial(SourceError, path, None)
@@ -92,7 +92,6 @@ def read_bag(
             frame = None if ground is None else frame_name(ground.header.frame_id)
             position = people.in_one_frame(frame, transform, partial(_transforms, path, bag))
             trajectories = people.trajectories(position, names)
-            check_several(trajectories)
             dt_s = _checked_interval_s(path, trajectories)
         with translate_errors(partial(problem, remedy="")):
             free = partial(OccupancyMap.free_around, trajectories.position)
@@ -137,12 +136,14 @@ def _checked_interval_s(path: Path, people: Trajectories) -> float:
     """The usual time between two detections of a track, s; people who are impossibly fast are warned about.
 
     Raises:
-        ValueRuleError: nobody was detected twice, or times are not seconds.
+        ValueRuleError: nobody was detected twice, times are not seconds, or lengths are not metres.
     """
     dt_s = people.usual_interval_s()
     if dt_s >= _LONGEST_S:
         rule = "a track must be seen every few seconds: stamps count seconds and nanoseconds"
         raise ValueRuleError("stamp", f"usually {dt_s:g} s between two detections", rule)
+    check_several(people)
+    check_lengths(path, people)
     check_speeds(path, people, sure=True, fixed="m")
     return dt_s
 
