@@ -5,6 +5,7 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg
 from scipy.spatial.transform import Rotation
 
+from pedpred.errors import SourceError
 from pedpred.online import OnlinePredictor
 from pedpred.ros import read_bag
 from pedpred.ros.detections import Instant
@@ -146,3 +147,31 @@ def test_people_in_no_frame_are_warned_about(tmp_path, caplog):
     walked = walk(LEGS, lambda t: (t, ""), lambda t: (t, ""), lambda at, t: at)
     check(read_bag(bag(tmp_path / "hall", LEGS, walked, moves=False)))
     assert "/seen: 30 of 30 messages name no frame (header.frame_id is empty)" in caplog.text
+
+
+@pytest.mark.parametrize("name", ["", "person"])
+def test_ids_of_one_message_are_looked_at_together(name, tmp_path):
+    """Where two cameras see a person each, who have the same id."""
+    messages = []
+    for time_s in TIMES_S:
+        seen = [((time_s, "map"), name, (1.0, time_s, 0.0)), ((time_s - 0.03, "map"), name, (5.0, 0.0, 0.0))]
+        messages.append(content(LEGS, (time_s, "map"), *seen))
+    with pytest.raises(SourceError, match=r"hall: /seen: id = .* (have different ones|say who is who)"):
+        read_bag(bag(tmp_path / "hall", LEGS, messages, moves=False))
+
+
+@pytest.mark.parametrize("kind", [LEGS, AGENTS, "spencer_tracking_msgs/msg/TrackedPersons"])
+def test_nobody_is_minus_one_also_without_a_sign(kind, tmp_path):
+    store, messages = Filled(0), []
+    for k, time_s in enumerate(TIMES_S):
+        nobody = -1 if kind == LEGS else 2**64 - 1
+        here = ((7, (0.1 * k, 0.0)), (nobody, (9.0, 9.0)), (nobody, (5.0, 5.0 - 3.0 * (k % 2))))
+        one, field = {
+            LEGS: ("people_msgs/msg/PositionMeasurement", "people"),
+            AGENTS: ("pedsim_msgs/msg/AgentState", "agent_states"),
+        }.get(kind, ("spencer_tracking_msgs/msg/TrackedPerson", "tracks"))
+        outer = store.header(time_s, "map")
+        several = [store._one(one, who, store.pose(*at), outer) for who, at in here[: 3 if k % 3 else 1]]
+        messages.append(("/seen", kind, store.make(kind, header=outer, **{field: several})))
+    store.write(tmp_path / "hall", messages)
+    assert read_bag(tmp_path / "hall").trajectories.track_id.tolist() == [7] * len(TIMES_S)

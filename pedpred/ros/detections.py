@@ -50,6 +50,7 @@ class Instant:
         others: classes of the detections that are not people, and are left out.
         time_ns: when, ns.
         array_frame: the frame that the message names, where the headers of its detections name another one.
+        part: how many instants of the same message come before.
     """
 
     stamp_s: float
@@ -60,6 +61,7 @@ class Instant:
     others: tuple[str, ...] = ()
     time_ns: int = 0
     array_frame: str = ""
+    part: int = 0
 
     @classmethod
     def all_of(
@@ -78,7 +80,7 @@ class Instant:
         """
         detected = list(ADAPTERS[kind](message))
         labels = labels_of(message) if kind == LABELLED else [""] * len(detected)
-        instants = []
+        instants: list[Instant] = []
         for time_ns, frame, rows in by_header(message.header, [one.header for one in detected]):
             others = tuple(labels[row] for row in rows if not is_person(labels[row], classes))
             people = [detected[row] for row in rows if is_person(labels[row], classes)]
@@ -86,8 +88,9 @@ class Instant:
             place = np.array(at, np.float64).reshape(-1, 3)
             place = np.where(rule_of("position", place)[1], place, np.nan)
             ids, outer = tuple(str(one.name) for one in people), frame_name(message.header.frame_id)
-            another = outer if outer != frame else ""
-            instants.append(cls(_seconds(time_ns), received_s, frame, ids, place, others, time_ns, another))
+            another, part = outer if outer != frame else "", len(instants)
+            seen = cls(_seconds(time_ns), received_s, frame, ids, place, others, time_ns, another, part)
+            instants.append(seen)
         return instants
 
 
@@ -121,6 +124,7 @@ class People:
         kept = ~(missing | false)
         self._instants = [each for each, sound in zip(instants, kept, strict=True) if sound]
         self._stamp_s, self._received_s = stamp_s[kept], received_s[kept]
+        self._message = np.cumsum([each.part == 0 for each in instants])[kept]
         self._passes = find_passes(self._stamp_s)
         self._time_s = in_a_row(self._stamp_s, self._passes)
         if back := int(self._passes.max(initial=0)):
@@ -256,7 +260,7 @@ class People:
         """
         read = [each.place[:, :2] for each in self._instants]
         ids, position, read = self._named([each.ids for each in self._instants], position, read)
-        check_identity(ids, self._time_s, position)
+        check_identity(*self._of_messages(ids, position))
         numbers, counts = TrackNumbers(), [len(each) for each in ids]
         called = [
             f"{name} ({number + 1})" if number else name  # after time has gone back
@@ -280,6 +284,18 @@ class People:
         people = Trajectories(time_s[kept], track_id[kept], places[kept])
         check_steps(people)
         return people
+
+    def _of_messages(
+        self, ids: list[tuple[str, ...]], position: list[np.ndarray]
+    ) -> tuple[list[tuple[str, ...]], np.ndarray, list[np.ndarray]]:
+        """Ids, time and places of each message, which may be several instants; m. [n, 2] each."""
+        first = np.flatnonzero(np.diff(self._message, prepend=-1))
+        if len(first) == len(ids):
+            return ids, self._time_s, position
+        parts = [slice(*ends) for ends in pairwise([*first.tolist(), len(ids)])]
+        together = [tuple(name for each in ids[part] for name in each) for part in parts]
+        last = [part.stop - 1 for part in parts]
+        return together, self._time_s[last], [np.concatenate(position[part]) for part in parts]
 
     def _named(
         self, ids: list[tuple[str, ...]], *places: Sequence[np.ndarray]

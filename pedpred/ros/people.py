@@ -32,6 +32,7 @@ Adapter = Callable[[Any], Iterable[Detected]]
 _LARGEST = 2**63 - 1
 _MOST_DIGITS = len(str(_LARGEST))
 _NO_NUMBER, _NOBODY, _NEGATIVE = {"nan", "NaN", "-nan"}, "-1", re.compile(r"-[0-9]+")
+_UNSIGNED = 2**64 - 1
 _ROBOT = 2
 """The type of a robot among the agents of pedsim and of HuNavSim."""
 
@@ -44,7 +45,12 @@ def _poses(message: Any) -> Iterator[Detected]:
 def _agents(agents: Any, position: Callable[[Any], Any]) -> Iterator[Detected]:
     """Agents of a simulator, without its robot."""
     people = (agent for agent in agents if getattr(agent, "type", 0) != _ROBOT)
-    return (Detected(agent.id, position(agent), getattr(agent, "header", None)) for agent in people)
+    return (Detected(_number(agent.id), position(agent), getattr(agent, "header", None)) for agent in people)
+
+
+def _number(written: int) -> int:
+    """An id of 64 bits without a sign, in which -1 is the largest number."""
+    return -1 if written == _UNSIGNED else written
 
 
 def _box(detection: Any) -> Detected:
@@ -62,7 +68,7 @@ ADAPTERS: dict[str, Adapter] = {
         Detected(p.object_id, p.pos, p.header) for p in m.people
     ),
     "spencer_tracking_msgs/msg/TrackedPersons": lambda m: (
-        Detected(t.track_id, t.pose.pose.position) for t in m.tracks
+        Detected(_number(t.track_id), t.pose.pose.position) for t in m.tracks
     ),
     "hunav_msgs/msg/Agents": lambda m: _agents(m.agents, lambda agent: agent.position.position),
     "pedsim_msgs/msg/AgentStates": lambda m: _agents(m.agent_states, lambda agent: agent.pose.position),
