@@ -6,7 +6,7 @@ from rosbags.typesys import Stores
 
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.ros import Transform, read_bag
-from pedpred.ros.places import check_heights
+from pedpred.ros.heights import check_heights
 from tests.test_bag_frames import check, from_camera, messages, write
 from tests.test_bags import Store
 

@@ -16,6 +16,7 @@ from pedpred.ros.clocks import find_false, find_missing, find_passes, in_a_row
 from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, frame_name, is_robots, lacks_height
 from pedpred.ros.frames import Transform, check_frames
 from pedpred.ros.headers import by_header
+from pedpred.ros.heights import check_heights
 from pedpred.ros.identity import check_identity, check_steps
 from pedpred.ros.localisation import find_poses, without_jumps
 from pedpred.ros.people import (
@@ -26,7 +27,6 @@ from pedpred.ros.people import (
     find_usable,
     labels_of,
 )
-from pedpred.ros.places import check_heights
 from pedpred.scenes import Trajectories, rule_of
 from pedpred.tables.classes import PERSON_CLASSES, is_person
 from pedpred.tables.placeholders import find_placeholders, left_out
