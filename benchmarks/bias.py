@@ -8,7 +8,6 @@ Without files: the places in data/scenes/real, on which the shipped network was 
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -24,11 +23,11 @@ from pedpred.evaluation.scores import integrate_truth
 from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features.perception import Perception
 from pedpred.online import OnlinePredictor
-from pedpred.online.batch import predictions_in_blocks
+from pedpred.online.assessment import forecasts_by_instants
+from pedpred.online.predictor import NO_MAP
 from pedpred.online.settings import OnlineSettings
-from pedpred.scenes import OccupancyMap, Scene
-from tools.arguments import positive
-from tools.places import recordings
+from pedpred.scenes import Scene
+from tools.places import add_recordings, recordings
 
 SPEEDS_MPS = (0.0, 0.2, 0.5, 1.0, 10.0)
 FEWEST = 30
@@ -45,7 +44,7 @@ def ahead_m(scene: Scene, model: Path | None) -> dict[str, np.ndarray]:
     asked = request.asked
     heading = np.stack([np.cos(asked.heading_rad), np.sin(asked.heading_rad)], axis=-1)
     network = np.empty((len(asked.time_s), 2))
-    for which, forecast in predictions_in_blocks(predictor, request, f"forecast {scene.name}"):
+    for which, forecast in forecasts_by_instants(predictor, request, scene):
         network[which] = forecast.mean[:, -1]
     ends = {"truth": integrate_truth(asked, sizes.dt_s)[:, -1], "network": network}
     ends["cv"] = PRESENT_MOTION["cv"]()(request).mean[:, -1]
@@ -58,8 +57,7 @@ def rows_of(scene: Scene, model: Path | None) -> list[dict[str, object]]:
     along, rows = ahead_m(scene, model), []
     blind = np.full_like(along["network"], np.nan)
     if scene.occupancy.occupied.any():
-        free = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
-        blind = ahead_m(replace(scene, occupancy=free), model)["network"]
+        blind = ahead_m(replace(scene, occupancy=NO_MAP), model)["network"]
     columns = {name: along[name] for name in ("truth", "network", "cv")} | {"network, no map": blind}
     for low, high in pairwise(SPEEDS_MPS):
         some = (along["speed"] >= low) & (along["speed"] < high)
@@ -72,13 +70,9 @@ def rows_of(scene: Scene, model: Path | None) -> list[dict[str, object]]:
 @user_errors()
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("recording", nargs="*", type=Path, help="any file that `pedpred evaluate` reads")
-    parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
-    parser.add_argument("--rate", type=positive, help="frames per second, where files count frames, Hz")
-    parser.add_argument("--write", action="store_true", help=pages.WRITE)
-    options = parser.parse_args()
-    pages.check_command(parser, options, "benchmarks.bias")
+    parser = pages.table_parser(__doc__)
+    add_recordings(parser)
+    options = pages.table_options(parser, "benchmarks.bias")
     rows = []
     for scene in recordings(options.recording, options.rate):
         rows += rows_of(scene, options.model)

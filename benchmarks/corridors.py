@@ -7,7 +7,6 @@ map is shifted, people seem to walk inside a wall.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import numpy as np
@@ -60,12 +59,9 @@ def mean_reach(model: Path | None, width_m: float, aside_m: float, people: int) 
 @user_errors()
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
+    parser = pages.table_parser(__doc__)
     parser.add_argument("--people", type=count, default=10, help="of each pace")
-    parser.add_argument("--write", action="store_true", help=pages.WRITE)
-    options = parser.parse_args()
-    pages.check_command(parser, options, "benchmarks.corridors")
+    options = pages.table_options(parser, "benchmarks.corridors")
     rows = []
     for width_m in WIDTHS_M:
         aside = {"in the middle": 0.0, f"{FROM_WALL_M} m from a wall": width_m / 2 - FROM_WALL_M}

@@ -7,24 +7,19 @@ its own error: more than a tracker can know. A network that has learned how peop
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from benchmarks import pages
+from benchmarks.accuracy import ade_m
 from benchmarks.timing import tell
 from pedpred.baselines.kalman import kalman_velocity
 from pedpred.errors import user_errors
-from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.scores import integrate_truth
 from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
-from pedpred.metrics import METRICS
-from pedpred.online import OnlinePredictor
-from pedpred.online.assessment import assess
 from pedpred.online.settings import OnlineSettings
 from pedpred.scenes import Scene
 from pedpred.simulation.sensor import SensorSettings
@@ -60,13 +55,6 @@ def walkers(turn_radps: float, people: int) -> Scene:
     return replace(scene, trajectories=replace(scene.trajectories, velocity=None))
 
 
-def network_m(scene: Scene, sensor: SensorSettings, model: Path | None, trust: bool) -> float:
-    """Error of the network with the robot's tracker, m."""
-    predictor = OnlinePredictor.load(model, OnlineSettings(1.25 / sensor.rate_hz, learn_trust=trust))
-    scores = assess(scene, predictor, EvaluationSettings(), sensor, metrics={"ade_m": METRICS["ade_m"]})
-    return float(np.nanmean(scores["network"].values["ade_m"]))
-
-
 def filter_m(scene: Scene, sensor: SensorSettings) -> float:
     """Error of the best Kalman filter, m."""
     sizes, noise_m = ForecastProtocol(), max(sensor.position_noise_m, _EXACT_M)
@@ -88,15 +76,10 @@ def beside(network: float, best: float) -> str:
 @user_errors()
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
+    parser = pages.table_parser(__doc__)
     parser.add_argument("--people", type=count, default=60)
-    parser.add_argument(
-        "--trust", action="store_true", help="learn how far to trust the network, as robots do"
-    )
-    parser.add_argument("--write", action="store_true", help=pages.WRITE)
-    options = parser.parse_args()
-    pages.check_command(parser, options, "benchmarks.curves")
+    pages.add_trust(parser)
+    options = pages.table_options(parser, "benchmarks.curves")
     rows = []
     for turn_radps in TURNS_RADPS:
         scene = walkers(turn_radps, options.people)
@@ -104,8 +87,9 @@ def main() -> None:
             row = {"turn rate, rad/s": f"{turn_radps:g}", "noise, m": f"{noise_m:g}"}
             for rate_hz in RATES_HZ:
                 sensor = SensorSettings(rate_hz=rate_hz, position_noise_m=noise_m)
-                network = network_m(scene, sensor, options.model, options.trust)
-                row[f"{rate_hz:g} Hz"] = beside(network, filter_m(scene, sensor))
+                settings = OnlineSettings(1.25 / rate_hz, learn_trust=options.trust)
+                errors_m = ade_m(scene, options.model, settings, sensor)
+                row[f"{rate_hz:g} Hz"] = beside(errors_m["network"], filter_m(scene, sensor))
             rows.append(row)
     tell("ADE of the network / of the best filter, m (ratio)", rows)
     if options.write:

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
+from benchmarks.pages import fill
 from pedpred.errors import user_errors
-from pedpred.files import write_text
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "dependencies.md"
@@ -134,8 +134,7 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="into docs/dependencies.md")
     text = table()
     if parser.parse_args().write:
-        head = PAGE.read_text(encoding="utf-8").partition("\n| package")[0]
-        write_text(PAGE, f"{head.rstrip()}\n\n{text}\n")
+        fill(PAGE, "dependencies", text)
     sys.stdout.write(f"{text}\n")
 
 

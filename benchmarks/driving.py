@@ -30,7 +30,7 @@ from benchmarks.timing import tell
 from pedpred.command.arguments import parser as command_parser
 from pedpred.command.conversion import read_given
 from pedpred.driving.episodes import Recording
-from pedpred.driving.figures import Episodes, equal_time
+from pedpred.driving.figures import Episodes, equal_time, share_interval
 from pedpred.driving.runs import Places
 from pedpred.driving.table import Row, write_table
 from pedpred.driving.worlds import KINDS, REACTIONS, Worlds
@@ -38,6 +38,13 @@ from pedpred.errors import user_errors
 from pedpred.online.shipped import default_model
 from pedpred.workers import in_parallel
 from tools.arguments import count, output, probability
+
+
+def places_of(scene: Path | None, world: str, react: bool) -> Places:
+    """A recorded scene; without one, simulated worlds whose people react to the robot or do not."""
+    if scene is None:
+        return Worlds(world, react)
+    return Recording(read_given(command_parser().parse_args(["drive", str(scene)])))
 
 
 def compare(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
@@ -62,7 +69,7 @@ def condition_rows(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
     episodes = Episodes.of(rows)
     for condition in episodes.conditions:
         fault, value = episodes.at_fault(condition), {k: v[condition] for k, v in episodes.value.items()}
-        low, high = episodes.draw.interval(fault)
+        low, high = share_interval(fault)
         yield {
             "variant": condition.method,
             "limit": condition.risk,
@@ -95,11 +102,7 @@ def main() -> None:
     if options.write and not comparable:
         parser.error("--write writes a comparison: name a variant, the one that it changes, and two limits")
     check_command(parser, options, "benchmarks.driving", PAGE, beside=("table", "causes"))
-    places: Places = (
-        Worlds(options.world, options.people == REACTIONS[0])
-        if options.world
-        else Recording(read_given(command_parser().parse_args(["drive", str(options.scene)])))
-    )
+    places = places_of(options.scene, options.world, options.people == REACTIONS[0])
     trial = Trial(places, options.model, variants, options.risk, options.causes)
     jobs = [(trial, number) for number in range(options.episodes)]
     done = in_parallel(drive_episode, jobs, f"drive {places.name}", "episode")

@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.pages import check_command, put
 from benchmarks.timing import tell
-from pedpred.driving.figures import Episodes
+from pedpred.driving.figures import Episodes, share_interval
 from pedpred.driving.forecasters import TRUTH
 from pedpred.driving.table import Condition, Row, read_table
 from pedpred.errors import FileError, user_errors
@@ -44,7 +44,7 @@ def curve_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
             cell = ""
             if condition in each.value["faults"]:
                 fault, time_s = each.at_fault(condition), each.value["time_s"][condition]
-                low, high = (100 * end for end in each.draw.interval(fault))
+                low, high = (100 * end for end in share_interval(fault))
                 cell = f"{100 * fault.mean():.1f} ({low:.1f}-{high:.1f}); {time_s.mean():.1f}"
             row[f"{name} ({len(each.number)} episodes)"] = cell
         yield row
@@ -112,6 +112,9 @@ def equal_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
                 "Kalman, %": f"{100 * b[0]:.1f}",
             }
             row["network / Kalman"] = _with_interval(_ratio(a, b), ".2f")
+            if not a[0]:  # replicates of nothing are alike
+                most = _ratio(np.array(share_interval(np.zeros(len(each.number)))[1]), b[0])
+                row["network / Kalman"] = f"0.00 (0.00 to {most:.2f})"
         at = _middle(fault_a, fault_b)
         if at is None:
             row |= dict.fromkeys(("at, %", "network, s more", "Kalman, s more", "network / Kalman, s"), "-")

@@ -14,14 +14,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from benchmarks.driving import places_of
 from benchmarks.timing import tell
-from pedpred.command.arguments import parser as command_parser
-from pedpred.command.conversion import read_given
-from pedpred.driving.episodes import DriveSettings, Recording
+from pedpred.driving.episodes import DriveSettings
 from pedpred.driving.forecasters import HARD, NAMES
-from pedpred.driving.runs import Models, Places, Runner
+from pedpred.driving.runs import Models, Runner
 from pedpred.driving.table import Condition
-from pedpred.driving.worlds import KINDS, Worlds
+from pedpred.driving.worlds import KINDS
 from pedpred.errors import user_errors
 from pedpred.online.shipped import default_model
 from tools.arguments import count, probability
@@ -85,9 +84,7 @@ def main() -> None:
     parser.add_argument("--method", choices=NAMES, action="append")
     parser.add_argument("--profile", type=count, default=0)
     given = parser.parse_args()
-    places: Places = Worlds(given.world, react=True)
-    if given.scene is not None:
-        places = Recording(read_given(command_parser().parse_args(["drive", str(given.scene)])))
+    places = places_of(given.scene, given.world, react=True)
     runner = Runner(places, DriveSettings(), Models(default_model()))
     rows, profiles = [], []
     for method in given.method or NAMES:

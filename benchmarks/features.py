@@ -18,7 +18,7 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from benchmarks.timing import keep, median_ms, needed, run_measured, tell
+from benchmarks.timing import keep, median_ms, needed, run_stage, tell, used
 from pedpred.errors import user_errors
 from pedpred.features import Neighbours, Pedestrians, Surroundings
 from pedpred.features.surroundings import Past
@@ -129,17 +129,9 @@ def main_set() -> list[dict]:
     """Write the features of the whole set as in the pipeline, on two cores."""
     needed(MAIN, "dvc repro simulate@main")
     with tempfile.TemporaryDirectory() as out:
-        command = [sys.executable, "-m", "stages.features", "+name=main", f"+out={out}"]
-        seconds, peak_mib = run_measured(command, {"PEDPRED_JOBS": "2"})
+        row = run_stage("features", "+kind=simulated", "+name=main", f"+out={out}")
         size = sum(path.stat().st_size for path in Path(out).iterdir())
-    return [
-        {
-            "seconds": seconds,
-            "largest_process_mib": peak_mib,
-            "three_processes_at_most_mib": 3 * peak_mib,
-            "shards_mib": size / 2**20,
-        }
-    ]
+    return [row | {"shards_mib": size / 2**20}]
 
 
 def growth() -> list[dict]:
@@ -147,7 +139,7 @@ def growth() -> list[dict]:
     scene = str(next(path.parent for path in sorted(MAIN.glob("*/scene.json"))))
     command = [sys.executable, "-m", "benchmarks.feature_memory"]
     ways = {
-        way: [run_measured([*command, str(n), way, scene])[1] for n in (0, 5, 50)]
+        way: [used([*command, str(n), way, scene]).peak_mib for n in (0, 5, 50)]
         for way in ("stream", "whole")
     }
     return [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -64,15 +65,12 @@ def cases() -> dict[str, Callable[[DistributedContext], Case]]:
     alone = plain(cfg.training.situations) | {"shares": {"random": 1.0}, "validation_share": 0.0}
     situations = parsed(InstantSettings, alone)
 
-    def rolling(own: NetworkSettings) -> Callable[[DistributedContext], Case]:
-        return lambda here: recurrent_case(own, lstm, recurrent, here)
-
-    def memoryless(own: NetworkSettings) -> Callable[[DistributedContext], Case]:
-        return lambda here: situation_case(own, mixture, situations, here)
-
-    rows = plain(cfg.methods.networks), plain(cfg.methods.memoryless)
-    first, second = ({name: parse_settings(row["settings"]) for name, row in own.items()} for own in rows)
-    return {k: rolling(v) for k, v in first.items()} | {k: memoryless(v) for k, v in second.items()}
+    made: dict[str, Callable[[DistributedContext], Case]] = {}
+    for name, row in plain(cfg.methods.networks).items():
+        made[name] = partial(recurrent_case, parse_settings(row["settings"]), lstm, recurrent)
+    for name, row in plain(cfg.methods.memoryless).items():
+        made[name] = partial(situation_case, parse_settings(row["settings"]), mixture, situations)
+    return made
 
 
 def recurrent_case(

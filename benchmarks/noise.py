@@ -9,32 +9,25 @@ that was not.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from benchmarks import pages
+from benchmarks.accuracy import ade_m
 from benchmarks.timing import tell
 from pedpred.command.evaluation import Apart
 from pedpred.errors import user_errors
-from pedpred.evaluation import EvaluationSettings
 from pedpred.features.perception import sensed
-from pedpred.metrics import METRICS
-from pedpred.online import OnlinePredictor
-from pedpred.online.assessment import assess
 from pedpred.online.settings import OnlineSettings
 from pedpred.scenes import OccupancyMap, Scene
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.tracking import tune_kalman
 from tools.arguments import positive
-from tools.places import recordings
+from tools.places import add_recordings, recordings
 
 NOISES_M = (0.0, 0.02, 0.05, 0.1)
-METRIC = "ade_m"
 _FITTED_AHEAD_S = 3.2
 
 
@@ -48,11 +41,7 @@ def errors(scene: Scene, sensor: SensorSettings, model: Path | None, trust: bool
         "fixed": OnlineSettings(age_s, learn_noise=False, learn_trust=trust),
         "fitted": OnlineSettings(age_s, tracker=fitted, learn_trust=trust),
     }
-    scored = {}
-    for name, settings in trackers.items():
-        predictor = OnlinePredictor.load(model, settings)
-        scores = assess(scene, predictor, EvaluationSettings(), sensor, metrics={METRIC: METRICS[METRIC]})
-        scored[name] = {method: float(np.nanmean(each.values[METRIC])) for method, each in scores.items()}
+    scored = {name: ade_m(scene, model, settings, sensor) for name, settings in trackers.items()}
     best = min(scored["learns"]["cv"], scored["fitted"]["kalman_cv"])
     return {
         "cv": scored["learns"]["cv"],
@@ -75,22 +64,16 @@ def by_place(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
 @user_errors()
 def main() -> None:
     """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("recording", nargs="*", type=Path, help="any file that `pedpred evaluate` reads")
-    parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
-    parser.add_argument("--rate", type=positive, help="frames per second, where files count frames, Hz")
+    parser = pages.table_parser(__doc__)
+    add_recordings(parser)
     parser.add_argument(
         "--detections", type=positive, default=2.67, help="per second at most, Hz (%(default)s)"
     )
     parser.add_argument("--seconds", type=positive, default=300.0, help="of each recording (%(default)s)")
     parser.add_argument("--alone", action="store_true", help="everybody alone")
     parser.add_argument("--no-map", action="store_true", help="without obstacles")
-    parser.add_argument(
-        "--trust", action="store_true", help="learn how far to trust the network, as robots do"
-    )
-    parser.add_argument("--write", action="store_true", help=pages.WRITE)
-    options = parser.parse_args()
-    pages.check_command(parser, options, "benchmarks.noise")
+    pages.add_trust(parser)
+    options = pages.table_options(parser, "benchmarks.noise")
     rows: list[dict[str, Any]] = []
     for scene in recordings(options.recording, options.rate):
         rows_then = scene.trajectories.time_s < scene.trajectories.time_s.min() + options.seconds

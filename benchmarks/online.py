@@ -13,12 +13,10 @@ for 20 pedestrians on an i7-4810MQ. `--hour` shows that memory stays flat.
 
 from __future__ import annotations
 
-import os
+from tools.programs import compute_in_one_thread
 
 if __name__ == "__main__":  # before numpy is loaded
-    os.environ.update(
-        OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1", NUMBA_NUM_THREADS="1"
-    )
+    compute_in_one_thread()
 
 import argparse
 import resource

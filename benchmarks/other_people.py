@@ -6,7 +6,6 @@ reads the file that JuPedSim writes. Positions are exact, ten a second.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from itertools import cycle, product
 from pathlib import Path
@@ -16,13 +15,10 @@ import numpy as np
 import shapely
 
 from benchmarks import pages
+from benchmarks.accuracy import ade_m
 from benchmarks.timing import tell
 from pedpred.command.conversion import read_any
 from pedpred.errors import user_errors
-from pedpred.evaluation import EvaluationSettings
-from pedpred.metrics import METRICS
-from pedpred.online import OnlinePredictor
-from pedpred.online.assessment import assess
 from pedpred.online.settings import OnlineSettings
 
 MODELS: dict[str, dict[str, int]] = {
@@ -31,7 +27,6 @@ MODELS: dict[str, dict[str, int]] = {
     "SocialForceModel": {},
 }
 """Of JuPedSim, with what they need to give the same people again."""
-METRIC = "ade_m"
 _STEP_S, _FRAME_STEPS, _DURATION_S, _PAUSE_S = 0.01, 10, 60.0, 1.0
 
 Way = tuple[shapely.Polygon, shapely.Polygon]
@@ -87,13 +82,11 @@ def simulate(
 
 def errors_m(path: Path, model: Path | None) -> dict[str, float]:
     """Errors of the network, alone and with trust, and of simple methods in a file of JuPedSim, m."""
-    errors = {}
-    for title, trust in (("with trust", True), ("network", False)):
-        predictor = OnlinePredictor.load(model, OnlineSettings(0.125, learn_trust=trust))
-        scores = assess(read_any(path), predictor, EvaluationSettings(), metrics={METRIC: METRICS[METRIC]})
-        errors |= {method: float(np.nanmean(one.values[METRIC])) for method, one in scores.items()}
-        errors[title] = errors["network"]
-    return errors
+    scene = read_any(path)
+    trusting, alone = (
+        ade_m(scene, model, OnlineSettings(0.125, learn_trust=trust)) for trust in (True, False)
+    )
+    return alone | {"with trust": trusting["network"]}
 
 
 def rows_of(model: Path | None) -> list[dict[str, str | float]]:
@@ -123,11 +116,7 @@ def rows_of(model: Path | None) -> list[dict[str, str | float]]:
 @user_errors()
 def main() -> None:
     """Simulate, measure, print, and write the table if asked."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
-    parser.add_argument("--write", action="store_true", help=pages.WRITE)
-    options = parser.parse_args()
-    pages.check_command(parser, options, "benchmarks.other_people")
+    options = pages.table_options(pages.table_parser(__doc__), "benchmarks.other_people")
     rows = rows_of(options.model)
     tell("ADE, m", rows)
     if options.write:

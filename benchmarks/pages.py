@@ -15,8 +15,27 @@ from pedpred.files import write_text
 from tools.readme import filled
 
 PAGE = Path("docs/robustness.md")
-WRITE = f"write the table into {PAGE}"
-"""Help of the option."""
+
+
+def table_parser(about: str) -> argparse.ArgumentParser:
+    """Begin the options of a benchmark that makes a table of `PAGE`; `about`: its docstring."""
+    parser = argparse.ArgumentParser(description=about.partition("\n\n")[0])
+    parser.add_argument("--model", type=Path, help="a model folder; by default the shipped one")
+    return parser
+
+
+def add_trust(parser: argparse.ArgumentParser) -> None:
+    """Add the option to learn how far to trust the network."""
+    told = "learn how far to trust the network, as robots do"
+    parser.add_argument("--trust", action="store_true", help=told)
+
+
+def table_options(parser: argparse.ArgumentParser, module: str) -> argparse.Namespace:
+    """Add --write and parse; the figures to write must be those of a command of `PAGE`."""
+    parser.add_argument("--write", action="store_true", help=f"write the table into {PAGE}")
+    options = parser.parse_args()
+    check_command(parser, options, module)
+    return options
 
 
 def check_command(

@@ -19,6 +19,7 @@ from benchmarks.pages import check_command, fill
 from benchmarks.timing import tell
 from pedpred import OnlinePredictor
 from pedpred.errors import user_errors
+from pedpred.report.document import markdown_table
 from pedpred.scenes import Trajectories
 from tools.arguments import positive
 from tools.places import recordings
@@ -132,11 +133,11 @@ def rate_error_m(walk: Walk, rate_hz: float) -> tuple[float, int]:
 def table_of(walks: dict[str, Walk]) -> str:
     """Errors at all rates in Markdown."""
     titles = {name: f"{name}, {rate_error_m(walk, 1.0)[1]} windows" for name, walk in walks.items()}
-    lines = [f"| frames | {' | '.join(titles.values())} |", f"| ---: |{' ---: |' * len(titles)}"]
-    for rate in RATES_HZ:
-        found = [f"{rate_error_m(walk, rate)[0]:.3f}" for walk in walks.values()]
-        lines.append(f"| {rate:g} Hz | {' | '.join(found)} |")
-    return "\n".join(lines)
+    rows = [
+        [f"{rate:g} Hz", *(f"{rate_error_m(walk, rate)[0]:.3f}" for walk in walks.values())]
+        for rate in RATES_HZ
+    ]
+    return markdown_table(["frames", *titles.values()], rows, texts=0)
 
 
 @user_errors()

@@ -13,14 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
-from tqdm import tqdm
 
 from benchmarks.timing import needed
+from pedpred.config import plain, read_params
 from pedpred.evaluation.forecasts import read_windows
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import read_origin
-from pedpred.online.replay import predictions_at, replay_scene
+from pedpred.online.replay import predictions_at, replay_with_progress
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import read_manifest
 
@@ -31,7 +30,7 @@ def differences(model: Path) -> Iterator[dict[str, Any]]:
     Args:
         model: a model folder; recordings that other networks or trackers forecast are left out.
     """
-    params, origin = yaml.safe_load(Path("params.yaml").read_text()), read_origin(model)
+    params, origin = plain(read_params(Path())), read_origin(model)
     for name, row in params["recording"]["scenes"].items():
         kind, data = Path(row["scene"]).parts[:2]
         weights = f"models/{row['networks']}"
@@ -45,10 +44,7 @@ def differences(model: Path) -> Iterator[dict[str, Any]]:
         features, _ = read_manifest(Path("data/features", kind, data))
         settings = OnlineSettings.as_offline(features, scene.detection_dt_s)
         robot = OnlinePredictor.load(model, replace(settings, learn_trust=params["evaluation"]["trust"]))
-        frames = len(np.unique(scene.trajectories.time_s))
-        forecasts = tqdm(
-            replay_scene(scene, robot, kind == "simulated"), total=frames, desc=name, unit="frame"
-        )
+        forecasts = replay_with_progress(scene, robot, true_velocities=kind == "simulated")
         offline = windows.predictions[origin["method"]].point
         sizes = offline.shape[1], windows.dt_s
         online = predictions_at(forecasts, windows.track_id, windows.time_s, *sizes).point

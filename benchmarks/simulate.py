@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -20,7 +19,7 @@ import numpy as np
 import yaml
 
 from benchmarks.simulation_peers import PEERS, Corners, Step
-from benchmarks.timing import keep, run_measured, tell
+from benchmarks.timing import keep, median_ms, run_stage, tell
 from pedpred.errors import user_errors
 from pedpred.simulation.crowd import Clock, crowd_of
 from pedpred.simulation.ground import ground_of
@@ -56,17 +55,6 @@ def world(tiles: tuple[int, int]) -> tuple[Layout, Corners]:
     return Layout(tuple(size.tolist()), shapes), rings
 
 
-def measured_ms(step: Step, simulated_s: float) -> float:
-    """Median wall time per simulated second, ms, after a warm-up step; measures at least one step."""
-    step()
-    took: list[float] = []
-    while not took or sum(took) < BUDGET_S:
-        began = time.perf_counter()
-        step()
-        took.append(time.perf_counter() - began)
-    return float(np.median(took)) / simulated_s * 1e3
-
-
 def compare(label: str, settings: SocialForceSettings, peers: bool, rng: np.random.Generator) -> list[dict]:
     """Measure one crowd in all simulators."""
     people, tiles = CROWDS[label]
@@ -96,7 +84,10 @@ def compare(label: str, settings: SocialForceSettings, peers: bool, rng: np.rand
     for name, peer in PEERS.items() if peers else ():
         one_step, dt_s = peer(rings, start, targets, speed)
         walkers[name] = one_step, dt_s, dt_s
-    took = {name: measured_ms(step, simulated) for name, (step, simulated, _) in walkers.items()}
+    took = {
+        name: median_ms(step, BUDGET_S, least=1) / simulated_s
+        for name, (step, simulated_s, _) in walkers.items()
+    }
     return [
         {
             "crowd": label,
@@ -115,11 +106,7 @@ def compare(label: str, settings: SocialForceSettings, peers: bool, rng: np.rand
 def main_set() -> list[dict]:
     """Simulate and write the 5 h set as in the pipeline."""
     with tempfile.TemporaryDirectory() as out:
-        command = [sys.executable, "-m", "stages.simulate", "+name=main", f"+out={out}"]
-        seconds, peak_mib = run_measured(command, {"PEDPRED_JOBS": "2"})
-    return [
-        {"seconds": seconds, "largest_process_mib": peak_mib, "three_processes_at_most_mib": 3 * peak_mib}
-    ]
+        return [run_stage("simulate", "+name=main", f"+out={out}")]
 
 
 @user_errors()

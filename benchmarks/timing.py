@@ -45,12 +45,12 @@ def needed(path: Path, command: str) -> Path:
     return path
 
 
-def median_ms(function: Callable[[], object], budget_s: float = 1.0) -> float:
-    """Measure the median wall time of a call, ms, after one warm-up call; at least five calls."""
+def median_ms(function: Callable[[], object], budget_s: float = 1.0, least: int = 5) -> float:
+    """Measure the median wall time of a call, ms, after one warm-up call; of at least so many calls."""
     function()
     times: list[float] = []
     began = time.perf_counter()
-    while len(times) < 5 or time.perf_counter() - began < budget_s:
+    while len(times) < least or time.perf_counter() - began < budget_s:
         start = time.perf_counter()
         function()
         times.append(time.perf_counter() - start)
@@ -67,10 +67,15 @@ def used(
     return Usage(time.perf_counter() - start, **json.loads(done.stdout))
 
 
-def run_measured(command: Sequence[str], environment: dict[str, str] | None = None) -> tuple[float, float]:
-    """Measure wall time, s, and peak memory of the largest process, MiB, of a command and its children."""
-    usage = used(command, environment=os.environ | (environment or {}))
-    return usage.wall_s, usage.peak_mib
+def run_stage(stage: str, *overrides: str) -> dict[str, float]:
+    """Run a stage as in the pipeline, by two workers; wall time, and memory beside that of its parent."""
+    command = [sys.executable, "-m", f"stages.{stage}", *overrides]
+    usage = used(command, environment=os.environ | {"PEDPRED_JOBS": "2"})
+    return {
+        "seconds": usage.wall_s,
+        "largest_process_mib": usage.peak_mib,
+        "three_processes_at_most_mib": 3 * usage.peak_mib,
+    }
 
 
 def tell(title: str, rows: Sequence[dict[str, Any]]) -> None:

@@ -5,9 +5,10 @@ Parts that many stages read are written as files, see `pedpred.config.SHARED`.
 
 from __future__ import annotations
 
+import argparse
 import functools
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -297,7 +298,7 @@ def _report(cfg: Params) -> None:
         Methods.parse(part(cfg, "report", "methods"), cfg["comparison"]["reference"])
         parsed(PublishedRows, {"published": cfg["report"]["published"]})
     with configured("report.paper"):
-        Paper.parse(part(cfg, "report", "paper"))
+        parsed(Paper, part(cfg, "report", "paper"))
     with configured("report.page"):
         rows, shown = parsed_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
     _names("report.page.replays", rows.replays, cfg["folds"])
@@ -403,8 +404,10 @@ def write_shared(params: DictConfig, root: Path) -> None:
         write_text(root / config.SHARED / f"{name}.yaml", OmegaConf.to_yaml(params[name], resolve=True))
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Check params.yaml and the drawn rooms, and write data/config.checked and data/config."""
+    usage = "python -m stages.config\nChange values in conf/, or for one run: dvc exp run -S KEY=VALUE"
+    argparse.ArgumentParser(usage=usage, description=main.__doc__).parse_args(arguments)
     with config_errors():
         params = read_params(Path())
         check_parts(plain(params))

@@ -1,17 +1,16 @@
 """Everything that people read about the results: Markdown pages, their pictures, and `reports/index.html`."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from omegaconf import DictConfig
 
 from pedpred.config import configured, part, plain, stage
-from pedpred.fields import parsed_together
+from pedpred.fields import parsed, parsed_together
 from pedpred.files import write_text
 from pedpred.report.ablation import ablation_sections
-from pedpred.report.canvas import write_png
 from pedpred.report.comparison import metrics_now
-from pedpred.report.document import Picture, Section, join_pages
+from pedpred.report.document import Section, join_pages, write_pictures
 from pedpred.report.drives import drives_section, read_shown
 from pedpred.report.error_plots import horizon_table
 from pedpred.report.findings import Paper
@@ -28,16 +27,9 @@ PAGES = ("sim", "real")
 """Studies with a page of their own; the others are compared with these."""
 
 
-def write_pictures(pictures: Sequence[Picture], folder: Path) -> None:
-    """Write pictures as PNG into a folder, which is made also where there are none."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for picture in pictures:
-        write_png(picture.figure, folder / f"{picture.name}.png")
-
-
 def write_study(evaluated: Evaluated, text: Section, methods: Methods, out: Path) -> None:
     """Write the page on a study, its pictures, and the figures that `dvc plots` compares."""
-    write_pictures(list(text.pictures), out / evaluated.study)
+    write_pictures(text, out / evaluated.study)
     write_text(out / f"{evaluated.study}.md", text.markdown(evaluated.study) + "\n")
     (out / "horizon" / evaluated.study).mkdir(parents=True, exist_ok=True)
     for result in evaluated.results:
@@ -69,7 +61,7 @@ def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote, draw every picture once, write all pages below `out`."""
     out, figures = Path(cfg.get("out", "reports")), metrics_now(Path("reports/metrics"))
     methods = Methods.parse(part(cfg, "report", "methods"), cfg.comparison.reference)
-    paper = Paper.parse(part(cfg, "report", "paper"))
+    paper = parsed(Paper, part(cfg, "report", "paper"))
     with configured("report.page"):
         page, shown = parsed_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
     studies = {name: plain(folds) for name, folds in cfg.folds.items()}
@@ -79,27 +71,27 @@ def main(cfg: DictConfig) -> None:
     for study, results in pages.items():
         write_study(results, study_page(results, galleries[study], methods, paper), methods, out)
     places = places_section(list(evaluated.values()), methods)
-    write_pictures(list(places.pictures), out / "places")
+    write_pictures(places, out / "places")
     texts = [(out / f"{study}.md").read_text() for study in pages]
     drives = drives_of(cfg.driving.places)
-    write_pictures(list(drives.pictures), out / "drives")
+    write_pictures(drives, out / "drives")
     driven = [drives.markdown("drives")] if drives.blocks else []
     walking = Path("reports/simulation.md").read_text()
     write_text(out / "report.md", join_pages([places.markdown("places"), *texts, *driven, walking]))
     ablations = ablation_sections(Path("conf/ablations"), Path("reports/ablations"), methods)
     contents = Contents(
-        list(pages.values()),
-        list(galleries.values()),
-        replays_of(page, shown, evaluated, methods),
-        methods,
-        paper,
-        page.avif_speed,
-        [Section("Ablations", ablations), flow_section(figures["walking"]["corridor_flow"])],
-        figures.get("literature", {}),
-        plain(cfg.report)["published"],
-        figures.get("latency", {}).get("updates", []),
-        places.blocks,
-        [drives] if drives.blocks else [],
+        evaluated=list(pages.values()),
+        galleries=list(galleries.values()),
+        replays=replays_of(page, shown, evaluated, methods),
+        methods=methods,
+        paper=paper,
+        avif_speed=page.avif_speed,
+        further=[Section("Ablations", ablations), flow_section(figures["walking"]["corridor_flow"])],
+        literature=figures.get("literature", {}),
+        published=plain(cfg.report)["published"],
+        latency=figures.get("latency", {}).get("updates", []),
+        places=places.blocks,
+        drives=[drives] if drives.blocks else [],
     )
     if any(contents.results for contents in pages.values()):
         write_text(out / "index.html", render_page(contents))

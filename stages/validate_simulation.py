@@ -11,7 +11,7 @@ from tqdm import tqdm
 from pedpred.config import configured, part, row, stage
 from pedpred.fields import parsed_together
 from pedpred.files import write_json, write_text
-from pedpred.report.canvas import write_png
+from pedpred.report.document import write_pictures
 from pedpred.report.simulation_page import crowd_section
 from pedpred.simulation.corridor_flow import FlowSettings, corridor_flow
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
@@ -47,8 +47,7 @@ def main(cfg: DictConfig) -> None:
     flow, clearest = corridor_flow(settings, model)
     write_json(out / "metrics/walking.json", sets | {"corridor_flow": flow})
     section = crowd_section(sets, flow, clearest)
-    for picture in section.pictures:
-        write_png(picture.figure, out / f"simulation/{picture.name}.png")
+    write_pictures(section, out / "simulation")
     write_text(out / "simulation.md", section.markdown("simulation") + "\n")
 
 

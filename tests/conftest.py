@@ -71,6 +71,16 @@ def mixture(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def ros2():
+    """Makes messages and bags of ROS 2."""
+    from rosbags.typesys import Stores
+
+    from tests.bags import Store
+
+    return Store(Stores.ROS2_HUMBLE)
+
+
+@pytest.fixture(scope="session")
 def narrow_lstm():
     """Skip on processors whose library has no LSTM with bfloat16 products; training asks for `amx_bf16`."""
     import torch
@@ -98,30 +108,12 @@ def browser():
         opened.close()
 
 
-LONGEST = (
-    *(
-        "pipeline",
-        "page_commands",
-        "own_place",
-        "adding_things",
-        "broken_streams",
-        "driving_trials",
-        "kept_code",
-    ),
-    *(
-        "package",
-        "machines",
-        "ablation",
-        "worlds",
-        "warm_up",
-        "processes",
-        "site",
-        "field_formats",
-        "laws",
-        "config",
-    ),
-    *("page", "house", "folds", "evaluate", "compiled", "driving", "evaluation_memory", "mixture"),
-)
+LONGEST = [
+    "pipeline", "page_commands", "own_place", "adding_things", "broken_streams", "driving_trials",
+    "kept_code", "package", "machines", "ablation", "worlds", "warm_up", "processes", "site",
+    "field_formats", "laws", "config", "page", "house", "folds", "evaluate", "compiled", "driving",
+    "evaluation_memory", "mixture",
+]  # fmt: skip
 """Modules that take longest; what waits much is first."""
 
 

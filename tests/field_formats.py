@@ -1,5 +1,6 @@
 """Files in formats of the field, written after their specifications, all with the same two people."""
 
+import json
 import sqlite3
 from itertools import pairwise
 
@@ -187,6 +188,17 @@ def write_kitti(folder):
     return lines(folder / "0013.txt", f"0 99 Car 0 0 -1.57 {box} {size} 2.0 1.6 9.0 0.1", *data)
 
 
+def trajnet_scene(fps):
+    """The line of a file of TrajNet++ that says how often people were annotated."""
+    return json.dumps({"scene": {"id": 0, "p": 1, "s": 0, "e": 120, "fps": fps}})
+
+
+def write_trajnet(folder, rows=ROWS, fps=RATE_HZ):
+    """A scene of TrajNet++, of which every sixth frame was annotated."""
+    tracks = [{"track": {"f": 6 * k, "p": who, "x": x, "y": y}} for k, who, x, y in rows]
+    return lines(folder / "walk.ndjson", trajnet_scene(fps), *map(json.dumps, tracks))
+
+
 WRITERS = {
     "JuPedSim database": write_jupedsim,
     "Pedestrian Dynamics Data Archive": write_archive,
@@ -199,6 +211,7 @@ WRITERS = {
     "PTV Viswalk": write_viswalk,
     "ATC shopping centre": write_atc,
     "KITTI tracking labels": write_kitti,
+    "TrajNet++": write_trajnet,
 }
 BINARY = ("JuPedSim database", "Pedestrian Dynamics Data Archive")
 OPTIONS = {

@@ -3,63 +3,13 @@
 import sqlite3
 from contextlib import closing
 
-import numpy as np
 import pytest
-from mcap.writer import Writer
 
 from pedpred.command.conversion import read_any
 from pedpred.errors import SourceError
 from pedpred.ros import ADAPTERS, read_bag
 from pedpred.ros.definitions import EDITIONS
-from pedpred.ros.message_types import known_editions
-from tests.test_bags import Store, check, stream
-
-PEOPLE = "people_msgs/msg/People"
-
-
-class Filled(Store):
-    """Makes messages of one edition with all fields, which are 0, empty or false where PATHS say nothing."""
-
-    def __init__(self, edition, ros1=False):
-        self.ros1, self.types = ros1, known_editions(ros1)[edition]
-
-    def make(self, kind, **fields):
-        types = self.types.fielddefs[kind][1]
-        filled = {name: fields.get(name, self.nothing(*about)) for name, about in types}
-        return self.types.types[kind](
-            **filled | ({"tracking_id": fields["id"]} if "tracking_id" in filled else {})
-        )
-
-    def nothing(self, node, about):
-        if node.name == "BASE":
-            return {"string": "", "bool": False}.get(about[0], 0)
-        if node.name == "NAME":
-            return self.make(about)
-        (inner, name), size = about
-        if inner.name == "NAME" or name[0] == "string":
-            return []
-        return np.zeros(size, name[0])
-
-
-def mcap(store, path, kind, encoding, schema, text=""):
-    with path.open("wb") as file:
-        writer = Writer(file, use_chunking=False, enable_crcs=False)
-        writer.start("ros1" if store.ros1 else "ros2")
-        channels = {}
-        for count, (topic, name, message) in enumerate(stream(store, kind)):
-            if topic not in channels:
-                said = name.replace("/msg/", "/") if encoding == "ros1" else name
-                known = writer.register_schema(said, schema, text and definition(store, name))
-                channels[topic] = writer.register_channel(topic, encoding, known)
-            serialise = store.types.serialize_ros1 if encoding == "ros1" else store.types.serialize_cdr
-            writer.add_message(channels[topic], count, bytes(serialise(message, name)), count)
-        writer.finish()
-    return path
-
-
-def definition(store, kind):
-    return store.types.generate_msgdef(kind, ros_version=1 if store.ros1 else 2)[0].encode()
-
+from tests.bags import PEOPLE, Filled, check, stream, write_mcap
 
 WHOLE = [
     (kind, n) for n, edition in enumerate(EDITIONS) for kind in sorted(ADAPTERS) if kind in edition or not n
@@ -72,7 +22,7 @@ def test_every_type_is_known_where_a_bag_does_not_define_it(kind, edition, stora
     """In every edition of its package: MCAP with empty schemas, and .db3 as Humble writes them."""
     store, path = Filled(edition), tmp_path / "hall.mcap"
     if storage == "mcap":
-        mcap(store, path, kind, "cdr", "ros2msg", b"")
+        write_mcap(store, path, kind, "cdr", "ros2msg", b"")
     else:
         store.write(tmp_path / "hall", stream(store, kind))
         path = tmp_path / "hall" / "hall.db3"
@@ -103,13 +53,13 @@ def test_an_empty_definition_among_others_is_none(tmp_path):
 @pytest.mark.parametrize("defined", [True, False])
 def test_messages_of_ros_1_in_mcap_are_read(kind, defined, tmp_path):
     """As `mcap convert` writes."""
-    path = mcap(
+    path = write_mcap(
         Filled(0, ros1=True), tmp_path / "hall.mcap", kind, "ros1", "ros1msg", b"yes" if defined else b""
     )
     check(read_any(path), (0, 1) if kind.endswith("PoseArray") else (3, 8))
 
 
 def test_another_encoding_is_named(tmp_path):
-    path = mcap(Filled(0), tmp_path / "hall.mcap", PEOPLE, "json", "jsonschema", b"")
+    path = write_mcap(Filled(0), tmp_path / "hall.mcap", PEOPLE, "json", "jsonschema", b"")
     with pytest.raises(SourceError, match=r"no topic carries people, among.*people_msgs/msg/People in json"):
         read_any(path)

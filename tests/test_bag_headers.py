@@ -1,4 +1,4 @@
-"""Detections with headers of their own beside that of their message, in bags and for the live node."""
+"""Detections that have a header each, beside that of their message, in bags and for the live node."""
 
 import numpy as np
 import pytest
@@ -6,16 +6,14 @@ from rosbags.typesys import Stores, get_types_from_msg
 from scipy.spatial.transform import Rotation
 
 from pedpred.errors import SourceError
-from pedpred.online import OnlinePredictor
 from pedpred.ros import read_bag
 from pedpred.ros.detections import Instant
 from pedpred.ros.message_types import serialize
 from pedpred.ros.scene_messages import header
-from pedpred.ros2.follower import Follower
-from pedpred.ros2.settings import NodeSettings
-from tests.test_bag_definitions import Filled
-from tests.test_bag_frames import SPEED, STANDING, TF, WALKING, check, from_robot, robot, transform
-from tests.test_bags import Store
+from tests.bags import TF, Filled, Store, check_moving, transform
+from tests.following import follower_of, transforms
+from tests.following import transform as pose
+from tests.robots import SPEED, STANDING, WALKING, from_robot, robot
 
 BOXES, LEGS = "vision_msgs/msg/Detection3DArray", "people_msgs/msg/PositionMeasurementArray"
 AGENTS = "pedsim_msgs/msg/AgentStates"
@@ -79,7 +77,7 @@ HEADERS = {
 def test_what_the_message_leaves_empty_is_in_the_header_of_each_detection(kind, case, tmp_path, caplog):
     """Where both say something, the header of the detection counts: it is what the detection is in."""
     scene = read_bag(bag(tmp_path / "hall", kind, walk(kind, *HEADERS[case])))
-    check(scene)
+    check_moving(scene)
     np.testing.assert_allclose(np.unique(scene.trajectories.time_s), TIMES_S)
     told = "30 messages are in 'map', and the headers of their detections in 'base_link', which counts"
     assert (f"/seen: {told}" in caplog.text) == (case == "another frame")
@@ -89,15 +87,10 @@ def test_what_the_message_leaves_empty_is_in_the_header_of_each_detection(kind, 
 @pytest.mark.parametrize("kind", WITH_HEADERS)
 @pytest.mark.parametrize("case", HEADERS)
 def test_the_node_reads_headers_as_bags_are_read(kind, case, caplog):
-    settings = NodeSettings(use_map=False, people_type=kind, identities="given")
-    follower = Follower(OnlinePredictor.load(None, settings.online()), settings, clock=lambda: 0.0)
+    follower = follower_of(people_type=kind, identities="given")
     for time_s, message in zip(TIMES_S, walk(kind, *HEADERS[case]), strict=True):
-        turn, offset = robot(time_s)
-        x, y, z, w = map(float, turn.as_quat())
-        pose = {"translation": dict(zip("xyz", map(float, offset), strict=True))}
-        pose["rotation"] = {"x": x, "y": y, "z": z, "w": w}
-        one = {"header": head(time_s, "map"), "child_frame_id": "base_link", "transform": pose}
-        follower.transforms_came(serialize(TF, {"transforms": [one]}), time_s, False)
+        moved = transforms(pose("map", "base_link", *robot(time_s), time_s))
+        follower.transforms_came(moved, time_s, False)
         follower.people_came(serialize(kind, message), round(time_s * 1e9), 0.0)
         answers = {answer.topic: answer.content for answer in follower.answers(0.0)}
     people = answers["predictions/people"]
@@ -112,11 +105,20 @@ def test_the_node_reads_headers_as_bags_are_read(kind, case, caplog):
 
 def test_detections_of_several_sensors_are_in_several_frames_and_at_several_times():
     seen = [((10.0, "left"), "1"), ((9.8, "right"), "2"), ((10.004, "left"), "3"), ((0.0, ""), "4")]
-    message = content(BOXES, (10.1, "map"), *((own, who, (1.0, 2.0, 3.0)) for own, who in seen))
+    message = content(BOXES, (10.1, "map"), *((inner, who, (1.0, 2.0, 3.0)) for inner, who in seen))
     types = Filled(0).types
     instants = Instant.all_of(types.deserialize_cdr(serialize(BOXES, message), BOXES), BOXES, 0.0)
     found = [(one.stamp_s, one.frame, one.ids) for one in instants]
     assert found == [(9.8, "right", ("2",)), (10.0, "left", ("1", "3")), (10.1, "map", ("4",))]
+
+
+def test_one_detection_of_a_message_tells_for_the_others_whether_minus_one_is_nobody():
+    """Also one that was seen later by another sensor."""
+    follower = follower_of(people_type=LEGS, identities="given")
+    seen = [((9.95, "map"), "-1", (1.0, 2.0, 0.0)), ((10.0, "map"), "-2", (5.0, 2.0, 0.0))]
+    follower.people_came(serialize(LEGS, content(LEGS, (10.0, "map"), *seen)), 10 * 10**9, 0.0)
+    answers = {answer.topic: answer.content for answer in follower.answers(0.0)}
+    assert sorted(one["name"] for one in answers["predictions/people"]["people"]) == ["-1", "-2"]
 
 
 def test_legs_of_ros_1_are_in_the_frame_of_the_moving_laser(tmp_path):
@@ -128,9 +130,9 @@ def test_legs_of_ros_1_are_in_the_frame_of_the_moving_laser(tmp_path):
         lies = Rotation.identity(), np.array([0.5 * time_s, 0.0, 0.0])
         several = []
         for who, at in (("legs1", STANDING), ("legs2", WALKING + time_s * SPEED)):
-            pose = store.pose(*map(float, (at - lies[1])[:2]))
+            here = store.pose(*map(float, (at - lies[1])[:2]))
             several.append(
-                store._one("people_msgs/msg/PositionMeasurement", who, pose, store.header(time_s, "laser"))
+                store._one("people_msgs/msg/PositionMeasurement", who, here, store.header(time_s, "laser"))
             )
         message = store.make(LEGS, header=store.header(time_s + 0.05, ""), people=several)
         found.append((time_s, "/tf", TF, transform(store, "odom", "laser", lies, time_s)))
@@ -145,7 +147,7 @@ def test_legs_of_ros_1_are_in_the_frame_of_the_moving_laser(tmp_path):
 
 def test_people_in_no_frame_are_warned_about(tmp_path, caplog):
     walked = walk(LEGS, lambda t: (t, ""), lambda t: (t, ""), lambda at, t: at)
-    check(read_bag(bag(tmp_path / "hall", LEGS, walked, moves=False)))
+    check_moving(read_bag(bag(tmp_path / "hall", LEGS, walked, moves=False)))
     assert "/seen: 30 of 30 messages name no frame (header.frame_id is empty)" in caplog.text
 
 

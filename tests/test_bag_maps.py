@@ -10,16 +10,10 @@ from pedpred.errors import SourceError
 from pedpred.ros import read_bag
 from pedpred.ros.planning import HORIZON
 from pedpred.storage.scenes import read_scene, write_map
-from tests.test_bag_definitions import Filled
-from tests.test_bags import Store, check
+from tests.bags import GRID, PEOPLE, Filled, Store, check
 from tests.worlds import walled_scene
 
-GRID, PEOPLE = "nav_msgs/msg/OccupancyGrid", "people_msgs/msg/People"
-
-
-@pytest.fixture(scope="module")
-def ros2():
-    return Store(Stores.ROS2_HUMBLE)
+UPDATE = "map_msgs/msg/OccupancyGridUpdate"
 
 
 def inflated(store, frame="map"):
@@ -33,9 +27,18 @@ def bag(store, path, *topics, people="map"):
     grids = [
         (topic, GRID, store.grid() if not n else inflated(store, "odom")) for n, topic in enumerate(topics)
     ]
-    seen = [("/people", PEOPLE, store.people(PEOPLE, time_s, people)) for time_s in (0.0, 0.5, 1.0)]
-    store.write(path, [*grids[:1], *seen, *grids[1:]])
+    store.write(path, [*grids[:1], *seen(store, people), *grids[1:]])
     return path
+
+
+def update(store, x, frame="map"):
+    """A column of blocked cells that changes the map."""
+    sizes = {"x": x, "y": 0, "width": 1, "height": 2, "data": np.full(2, 100, np.int8)}
+    return "/map_updates", UPDATE, store.make(UPDATE, header=store.header(0.0, frame), **sizes)
+
+
+def seen(store, frame="map"):
+    return [("/people", PEOPLE, store.people(PEOPLE, time_s, frame)) for time_s in (0.0, 0.5, 1.0)]
 
 
 @pytest.mark.parametrize("name", ["/map", "/robot/map", "/floor_plan"])
@@ -59,43 +62,33 @@ def test_the_topic_map_comes_before_others_of_that_name(ros2, tmp_path):
 
 def test_a_map_changes_by_its_updates(ros2, tmp_path):
     """The latest whole map counts, and what came after it."""
-    store, kind = Filled(0), "map_msgs/msg/OccupancyGridUpdate"
-
-    def update(x, value):
-        sizes = {"x": x, "y": 0, "width": 1, "height": 2, "data": np.full(2, value, np.int8)}
-        return "/map_updates", kind, store.make(kind, header=store.header(0.0, "map"), **sizes)
-
-    whole = "/map", GRID, store.grid()
-    seen = [("/people", PEOPLE, store.people(PEOPLE, time_s)) for time_s in (0.0, 0.5, 1.0)]
-    store.write(tmp_path / "hall", [update(2, 100), whole, update(0, 100), whole, *seen, update(2, 100)])
+    store = Filled(0)
+    whole, block = ("/map", GRID, store.grid()), [update(store, x) for x in range(3)]
+    store.write(tmp_path / "hall", [block[2], whole, block[0], whole, *seen(store), block[2]])
     occupied = read_bag(tmp_path / "hall").occupancy.occupied
     assert np.argwhere(occupied).tolist() == [[1, 0], [2, 0], [2, 1]]
 
 
 @pytest.mark.parametrize("wrong", ["update outside", "update of another frame", "cells", "size", "tilt"])
 def test_a_map_that_is_none_changes_nothing_and_is_told(tmp_path, caplog, wrong):
-    store, kind = Filled(0), "map_msgs/msg/OccupancyGridUpdate"
+    store = Filled(0)
     grid = store.grid()
     if wrong.startswith("update"):
-        frame, x = ("odom", 0) if wrong.endswith("frame") else ("map", 9)
-        sizes = {"x": x, "y": 0, "width": 1, "height": 2, "data": np.full(2, 100, np.int8)}
-        found = "/map_updates", kind, store.make(kind, header=store.header(0.0, frame), **sizes)
+        found = update(store, 0, "odom") if wrong.endswith("frame") else update(store, 9)
     else:
         grid.data = {"cells": grid.data - np.int8(50), "size": grid.data[1:], "tilt": grid.data}[wrong]
         grid.info.origin.orientation.x = 0.5 * (wrong == "tilt")
         found = "/map", GRID, grid
-    seen = [("/people", PEOPLE, store.people(PEOPLE, time_s)) for time_s in (0.0, 0.5, 1.0)]
-    store.write(tmp_path / "hall", [("/map", GRID, store.grid()), *seen, found])
+    whole, people = ("/map", GRID, store.grid()), seen(store)
+    store.write(tmp_path / "hall", [whole, *people, found])
     check(read_bag(tmp_path / "hall"))
     assert f"left out: 1 messages that change the map, the first on {found[0]} (" in caplog.text
     caplog.clear()
-    store.write(
-        tmp_path / "again", [("/map", GRID, store.grid()), found, *seen, ("/map", GRID, store.grid())]
-    )
+    store.write(tmp_path / "again", [whole, found, *people, whole])
     check(read_bag(tmp_path / "again"))
     assert "left out" not in caplog.text
     if found[0] == "/map":
-        store.write(tmp_path / "alone", [found, *seen])
+        store.write(tmp_path / "alone", [found, *people])
         with pytest.raises(SourceError, match="alone"):
             read_bag(tmp_path / "alone")
 
@@ -144,16 +137,3 @@ def test_all_publishers_of_a_topic_are_read(tmp_path):
     scene = read_bag(tmp_path / "hall.bag")
     np.testing.assert_array_equal(np.unique(scene.trajectories.time_s), [0.0, 0.5, 1.0])
     assert len(scene.trajectories) == 6
-
-
-def test_where_all_stamps_are_zero_the_bags_own_times_count(tmp_path, caplog):
-    store = Store(Stores.ROS1_NOETIC)
-    with rosbag1.Writer(tmp_path / "hall.bag") as writer:
-        one = writer.add_connection("/people", PEOPLE, typestore=store.types)
-        for time_s in (0.0, 0.5, 1.0):
-            message = store.people(PEOPLE, time_s)
-            message.header.stamp.sec = message.header.stamp.nanosec = 0
-            writer.write(one, int(1e9 * (100 + time_s)), store.types.serialize_ros1(message, PEOPLE))
-    scene = read_bag(tmp_path / "hall.bag")
-    np.testing.assert_allclose(np.unique(scene.trajectories.time_s), [100.0, 100.5, 101.0])
-    assert "all stamps are zero" in caplog.text

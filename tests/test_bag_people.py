@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags import rosbag2
-from rosbags.typesys import Stores
 from scipy.spatial.distance import cdist
 
 from pedpred.command import main
@@ -27,28 +26,8 @@ from pedpred.ros import (
 from pedpred.scenes import Trajectories, checked_placement
 from pedpred.storage.scenes import read_scene, write_scene
 from pedpred.storage.tracks import tracks_table
-from tests.test_bag_definitions import Filled
-from tests.test_bags import Store
+from tests.bags import PEOPLE, Filled, bag
 from tests.worlds import walled_scene
-
-PEOPLE = "people_msgs/msg/People"
-
-
-@pytest.fixture(scope="module")
-def store():
-    return Store(Stores.ROS2_HUMBLE)
-
-
-def bag(store, path, *instants, frame="map", kind=PEOPLE, grid=True):
-    """Write a bag; an instant is (time, {name: (x, y)}) or (time, [(name, (x, y)), ...])."""
-    messages = [("/map", "nav_msgs/msg/OccupancyGrid", store.grid())] if grid else []
-    for time_s, people in instants:
-        header = store.header(time_s, frame)
-        here = people.items() if isinstance(people, dict) else people
-        several = [store._one("people_msgs/msg/Person", who, store.pose(*at), header) for who, at in here]
-        messages.append(("/people", kind, store.make(kind, header=header, people=several)))
-    store.write(path, messages)
-    return path
 
 
 @given(st.lists(st.text(max_size=3) | st.integers(-(2**70), 2**70).map(str) | st.just("007"), unique=True))
@@ -60,19 +39,19 @@ def test_different_names_are_different_tracks(names):
     assert all(-(2**63) <= number < 2**63 for number in once)
 
 
-def test_names_that_look_alike_stay_apart_in_a_bag(store, tmp_path):
+def test_names_that_look_alike_stay_apart_in_a_bag(ros2, tmp_path):
     names = ["7", "007", str(2**53), str(2**53 + 1), str(2**64 - 1)]
     here = {name: (float(k), 0.0) for k, name in enumerate(names)}
-    people = read_bag(bag(store, tmp_path / "bag", (0.0, here), (0.5, here))).trajectories
+    people = read_bag(bag(ros2, tmp_path / "bag", (0.0, here), (0.5, here))).trajectories
     of = {track: people.position[people.track_id == track, 0].tolist() for track in set(people.track_id)}
     assert of == {7: [0, 0], -1: [1, 1], 2**53: [2, 2], 2**53 + 1: [3, 3], -2: [4, 4]}
 
 
-def test_odd_detections_are_left_out_with_their_time(store, tmp_path, caplog):
+def test_odd_detections_are_left_out_with_their_time(ros2, tmp_path, caplog):
     twice = [("3", (1.0, 1.0)), ("3", (9.0, 9.0)), ("5", (2.0, 0.0))]
     instants = [(0.0, twice), (0.5, {"3": (np.nan, 0.0), "5": (2.5, 0.0)}), (1.0, {"5": (1e300, 0.0)})]
     with caplog.at_level(logging.WARNING):
-        people = read_bag(bag(store, tmp_path / "bag", *instants, (0.5, {"5": (7.0, 7.0)}))).trajectories
+        people = read_bag(bag(ros2, tmp_path / "bag", *instants, (0.5, {"5": (7.0, 7.0)}))).trajectories
     assert people.time_s.tolist() == [0, 0, 0.5]
     assert people.position.tolist() == [[1, 1], [2, 0], [2.5, 0]]
     assert "of 7 detections" in caplog.text
@@ -80,9 +59,9 @@ def test_odd_detections_are_left_out_with_their_time(store, tmp_path, caplog):
     assert "2 of a track that was there already, the first at 0.0 s (track 3)" in caplog.text
 
 
-def test_who_is_left_out_of_a_bag_is_called_by_name(store, tmp_path, caplog):
+def test_who_is_left_out_of_a_bag_is_called_by_name(ros2, tmp_path, caplog):
     places = {"anna": (0.0, 0.0), "bob": (np.nan, 0.0)}
-    read_bag(bag(store, tmp_path / "bag", (0.0, places), (0.5, {"anna": (1.0, 0.0), "bob": (0.0, 0.0)})))
+    read_bag(bag(ros2, tmp_path / "bag", (0.0, places), (0.5, {"anna": (1.0, 0.0), "bob": (0.0, 0.0)})))
     assert "1 without a place, the first at 0.0 s (track 'bob')" in caplog.text
 
 
@@ -99,14 +78,14 @@ def test_what_is_usable_makes_trajectories_and_nothing_else_is_lost(rows):
     assert bool(left_out) == (len(pairs) < len(rows))
 
 
-def test_people_in_another_frame_need_its_pose(store, tmp_path):
+def test_people_in_another_frame_need_its_pose(ros2, tmp_path):
     steps = [(0.0, {"3": (1.0, 0.0)}), (0.5, {"3": (2.0, 0.0)})]
-    path = bag(store, tmp_path / "bag", *steps, frame="odom")
+    path = bag(ros2, tmp_path / "bag", *steps, frame="odom")
     with pytest.raises(SourceError, match=r"people in 'odom', map in 'map'.*x, y and yaw"):
         read_bag(path)
     people = read_bag(path, transform=Transform(10.0, 20.0, np.pi / 2)).trajectories
     np.testing.assert_allclose(people.position, [[10, 21], [10, 22]])
-    assert len(read_bag(bag(store, tmp_path / "bare", *steps, frame="odom", grid=False)).trajectories) == 2
+    assert len(read_bag(bag(ros2, tmp_path / "bare", *steps, frame="odom", grid=False)).trajectories) == 2
 
 
 @pytest.mark.parametrize("frame", ["", "base_link"])
@@ -144,11 +123,11 @@ def test_a_transform_moves_all_vectors(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["csv", "mcap", "folder", "bag"])
-def test_the_command_takes_people_of_another_frame(kind, store, tmp_path):
+def test_the_command_takes_people_of_another_frame(kind, ros2, tmp_path):
     scene = walled_scene(np.random.default_rng(0), detections=12)
     given, out = tmp_path / {"bag": "given"}.get(kind, f"given.{kind}"), tmp_path / "moved"
     if kind == "bag":
-        bag(store, given, (0.0, {"1": (1.0, 0.0)}), (0.5, {"1": (2.0, 0.0)}), frame="odom")
+        bag(ros2, given, (0.0, {"1": (1.0, 0.0)}), (0.5, {"1": (2.0, 0.0)}), frame="odom")
         scene = replace(scene, trajectories=Trajectories([0.0, 0.5], [1, 1], [[1.0, 0.0], [2.0, 0.0]]))
     elif kind == "mcap":
         write_recording(scene, given)
@@ -258,13 +237,13 @@ def test_classes_without_people_are_asked_about(tmp_path, capsys):
     assert "10 of 1 tracks" in capsys.readouterr().out
 
 
-def test_impossible_speeds_and_times_are_doubted(store, tmp_path, caplog):
+def test_impossible_speeds_and_times_are_doubted(ros2, tmp_path, caplog):
     far = [(k / 10, {"3": (100.0 * k, 0.0)}) for k in range(20)]
-    assert len(read_bag(bag(store, tmp_path / "mm", *far)).trajectories) == 20
+    assert len(read_bag(bag(ros2, tmp_path / "mm", *far)).trajectories) == 20
     assert "faster than people walk" in caplog.text
     slow = [(100.0 * k, {"3": (0.1 * k, 0.0)}) for k in range(20)]
     with pytest.raises(SourceError, match=r"usually 100 s between two detections.*seconds and nanoseconds"):
-        read_bag(bag(store, tmp_path / "ms", *slow))
+        read_bag(bag(ros2, tmp_path / "ms", *slow))
 
 
 # Places that are not in the box
@@ -286,8 +265,8 @@ def likely_at(path, *results, centre=(0.0, 0.0, 0.0)):
                 made.append(store.make(one, hypothesis=inner, pose=sure))
             box = store.make("vision_msgs/msg/BoundingBox3D", center=store.pose(*centre[:2]))
             box.center.position.z = centre[2]
-            given = {"header": store.header(k / 10, "map"), "bbox": box, "id": str(number), "results": made}
-            several.append(store.make("vision_msgs/msg/Detection3D", **given))
+            fields = {"header": store.header(k / 10, "map"), "bbox": box, "id": str(number), "results": made}
+            several.append(store.make("vision_msgs/msg/Detection3D", **fields))
         messages.append(
             ("/boxes", kind, store.make(kind, header=store.header(k / 10, "map"), detections=several))
         )
@@ -313,13 +292,13 @@ def test_everybody_at_one_place_is_refused_with_the_topic(results, tmp_path):
 # Ids that mean nobody
 
 
-@pytest.mark.parametrize("nobody", ["", "nan", "NaN", "-1"])
+@pytest.mark.parametrize("nobody", ["", "nan", "NaN", "Nan", "-nan", "-1"])
 @pytest.mark.parametrize("several", [1, 2])
-def test_detections_of_nobody_are_left_out_and_counted(nobody, several, store, tmp_path, caplog):
+def test_detections_of_nobody_are_left_out_and_counted(nobody, several, ros2, tmp_path, caplog):
     """As of trackers that write -1 for what they do not follow, here and there."""
     far = [(nobody, (20.0 - 9.0 * n, 3.0)) for n in range(several)]
     steps = [(k / 10, [("3", (k / 10, 0.0)), *(far if k % 3 else ())]) for k in range(30)]
-    people = read_bag(bag(store, tmp_path / "hall", *steps)).trajectories
+    people = read_bag(bag(ros2, tmp_path / "hall", *steps)).trajectories
     assert people.track_id.tolist() == [3] * 30
     count = 20 * several
     assert (
@@ -328,40 +307,64 @@ def test_detections_of_nobody_are_left_out_and_counted(nobody, several, store, t
     )
 
 
-@pytest.mark.parametrize("names", [["-1", "-2", "-3"], ["-1"], ["Nan", "nan1"]])
-def test_negative_ids_and_names_are_people(names, store, tmp_path, caplog):
+@pytest.mark.parametrize("names", [["-1", "-2", "-3"], ["-1"], ["Nana", "nan1"]])
+def test_negative_ids_and_names_are_people(names, ros2, tmp_path, caplog):
     steps = [(k / 10, {name: (k / 10, 2.0 * n) for n, name in enumerate(names)}) for k in range(10)]
     called = {}
-    people = read_bag(bag(store, tmp_path / "hall", *steps), names=called).trajectories
+    people = read_bag(bag(ros2, tmp_path / "hall", *steps), names=called).trajectories
     assert len(people) == 10 * len(names)
     assert sorted(called.values()) == sorted(names)
     assert "no id" not in caplog.text
+
+
+def test_who_has_several_names_of_nobody_is_left_out_and_counted(ros2, tmp_path, caplog):
+    """Trackers call -1 or NaN whom they do not follow."""
+    frames = [(k / 10, [("7", (k / 10, 0.0)), ("-1", (5.0, k / 10)), ("nan", (9.0, 1.0))]) for k in range(20)]
+    scene = read_bag(bag(ros2, tmp_path / "hall", *frames))
+    assert np.unique(scene.trajectories.track_id).tolist() == [7]
+    assert "left out: 40 of 60 detections, which have no id" in caplog.text
+
+
+def test_somebody_is_called_minus_one_where_others_have_negative_ids(ros2, tmp_path):
+    """Also in a message in which nobody else is, as in tables."""
+    frames = [(k / 10, {name: (k / 10, 3.0 * int(name)) for name in ("-1", "-2")}) for k in range(10)]
+    frames += [(k / 10, {"-1": (k / 10, -3.0)}) for k in range(10, 20)]
+    people = read_bag(bag(ros2, tmp_path / "hall", *frames)).trajectories
+    assert sorted(np.unique(people.track_id, return_counts=True)[1]) == [10, 20]
+
+
+@pytest.mark.parametrize("several", [1, 2])
+def test_a_bag_of_nobody_is_refused(several, ros2, tmp_path):
+    """NaN is never somebody; -1 may be, where it is the only id."""
+    steps = [(k / 10, [("nan", (k / 10, 2.0 * n)) for n in range(several)]) for k in range(10)]
+    with pytest.raises(SourceError, match=r"hall: /people: id = '', .*say who is who"):
+        read_bag(bag(ros2, tmp_path / "hall", *steps))
 
 
 # Units
 
 
 @pytest.mark.parametrize(("per_m", "unit"), [(100.0, "cm"), (1000.0, "mm"), (1e6, "another unit")])
-def test_lengths_in_another_unit_are_refused(per_m, unit, store, tmp_path):
+def test_lengths_in_another_unit_are_refused(per_m, unit, ros2, tmp_path):
     steps = [(k / 10, {"3": (per_m * k / 10, 0.0), "4": (0.0, per_m * k / 8)}) for k in range(20)]
     told = rf"hall: /people: position = .* half of the time.*: are lengths {unit} in place of metres.*--unit"
     with pytest.raises(SourceError, match=told):
-        read_bag(bag(store, tmp_path / "hall", *steps))
+        read_bag(bag(ros2, tmp_path / "hall", *steps))
 
 
-def test_degrees_are_refused(store, tmp_path):
+def test_degrees_are_refused(ros2, tmp_path):
     steps = [(k / 10, {"3": (8.5 + 1e-6 * k, 47.3), "4": (8.5, 47.3 - 1e-6 * k)}) for k in range(20)]
     with pytest.raises(SourceError, match=r"hall: /people: position = \[8.5, 47.3\], .*degrees.*metres"):
-        read_bag(bag(store, tmp_path / "hall", *steps))
+        read_bag(bag(ros2, tmp_path / "hall", *steps))
 
 
 @pytest.mark.parametrize("rate_hz", [2, 10, 100])
-def test_one_of_three_who_is_too_fast_is_warned_about(rate_hz, store, tmp_path, caplog):
+def test_one_of_three_who_is_too_fast_is_warned_about(rate_hz, ros2, tmp_path, caplog):
     rng = np.random.default_rng(0)
     steps = []
     for k in range(40):
         noise = rng.normal(0, 0.03, (3, 2))
         way = np.array([[k, 0.0], [0.5 * k, 3.0], [40.0 * k, 9.0]]) / rate_hz + noise
         steps.append((k / rate_hz, {str(n): tuple(at) for n, at in enumerate(way.tolist())}))
-    assert len(read_bag(bag(store, tmp_path / "hall", *steps)).trajectories) == 120
+    assert len(read_bag(bag(ros2, tmp_path / "hall", *steps)).trajectories) == 120
     assert "faster than people walk" in caplog.text

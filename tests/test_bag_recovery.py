@@ -16,9 +16,8 @@ from rosbags.typesys import Stores
 from pedpred.command.conversion import read_any
 from pedpred.errors import SourceError
 from pedpred.ros import is_bag, read_bag
-from tests.test_bags import Store
+from tests.bags import PEOPLE, Store
 
-PEOPLE = "people_msgs/msg/People"
 MCAP, SQLITE = rosbag2.StoragePlugin.MCAP, rosbag2.StoragePlugin.SQLITE3
 COUNT = 60
 _INDEX_POS = struct.Struct("<Q")

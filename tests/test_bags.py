@@ -9,140 +9,18 @@ import pytest
 import zstandard
 from lz4.frame import LZ4FrameCompressor
 from mcap.data_stream import RecordBuilder
-from mcap.reader import make_reader
 from mcap.records import Chunk, Header
-from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+from mcap.writer import MCAP0_MAGIC, CompressionType
 from rosbags import rosbag1, rosbag2
 from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_typestore
 
 from pedpred.command import main
 from pedpred.errors import SourceError
 from pedpred.ros import ADAPTERS, TrackNumbers, read_bag, unpacking, write_recording
 from pedpred.storage.scenes import read_scene, write_scene
+from tests.bags import PATHS, PEOPLE, Store, check, repacked, stream
 from tests.worlds import walled_scene
-
-DEFINITIONS = {
-    "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity",
-    "people_msgs/msg/People": "std_msgs/Header header\npeople_msgs/Person[] people",
-    "people_msgs/msg/PositionMeasurement": "std_msgs/Header header\nstring object_id\n"
-    "geometry_msgs/Point pos",
-    "people_msgs/msg/PositionMeasurementArray": "std_msgs/Header header\n"
-    "people_msgs/PositionMeasurement[] people",
-    "spencer_tracking_msgs/msg/TrackedPerson": "uint64 track_id\ngeometry_msgs/PoseWithCovariance pose",
-    "spencer_tracking_msgs/msg/TrackedPersons": "std_msgs/Header header\n"
-    "spencer_tracking_msgs/TrackedPerson[] tracks",
-    "hunav_msgs/msg/Agent": "int32 id\nstring name\ngeometry_msgs/Pose position",
-    "hunav_msgs/msg/Agents": "std_msgs/Header header\nhunav_msgs/Agent[] agents",
-    "pedsim_msgs/msg/AgentState": "uint64 id\ngeometry_msgs/Pose pose",
-    "pedsim_msgs/msg/AgentStates": "std_msgs/Header header\npedsim_msgs/AgentState[] agent_states",
-    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
-    "vision_msgs/msg/Detection3D": "std_msgs/Header header\nvision_msgs/BoundingBox3D bbox\nstring id",
-    "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nvision_msgs/Detection3D[] detections",
-}
-"""The used fields of each type, as its package defines them."""
-
-PATHS = {3: [(0.0, 1.0), (0.5, 1.0), (1.0, 1.5)], 8: [(4.0, 0.0), (3.5, 0.1), (3.0, 0.2)]}
-
-
-class Store:
-    """Makes messages of one ROS version."""
-
-    def __init__(self, kind):
-        self.ros1 = kind == Stores.ROS1_NOETIC
-        self.types = get_typestore(kind)
-        for name, fields in DEFINITIONS.items():
-            self.types.register(get_types_from_msg(fields, name))
-
-    def make(self, kind, **fields):
-        return self.types.types[kind](**fields)
-
-    def header(self, time_s, frame):
-        stamp = self.make("builtin_interfaces/msg/Time", sec=int(time_s), nanosec=round(time_s % 1 * 1e9))
-        number = {"seq": 0} if self.ros1 else {}
-        return self.make("std_msgs/msg/Header", **number, stamp=stamp, frame_id=frame)
-
-    def pose(self, x, y):
-        point = self.make("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
-        turn = self.make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
-        return self.make("geometry_msgs/msg/Pose", position=point, orientation=turn)
-
-    def people(self, kind, time_s, frame="map"):
-        """The people of PATHS at a multiple of half a second."""
-        here = {who: self.pose(*path[round(2 * time_s)]) for who, path in PATHS.items()}
-        one, field = {
-            "people_msgs/msg/People": ("people_msgs/msg/Person", "people"),
-            "people_msgs/msg/PositionMeasurementArray": ("people_msgs/msg/PositionMeasurement", "people"),
-            "spencer_tracking_msgs/msg/TrackedPersons": ("spencer_tracking_msgs/msg/TrackedPerson", "tracks"),
-            "hunav_msgs/msg/Agents": ("hunav_msgs/msg/Agent", "agents"),
-            "pedsim_msgs/msg/AgentStates": ("pedsim_msgs/msg/AgentState", "agent_states"),
-            "vision_msgs/msg/Detection3DArray": ("vision_msgs/msg/Detection3D", "detections"),
-            "geometry_msgs/msg/PoseArray": (None, "poses"),
-        }[kind]
-        header = self.header(time_s, frame)
-        several = [pose if one is None else self._one(one, who, pose, header) for who, pose in here.items()]
-        return self.make(kind, header=header, **{field: several})
-
-    def _one(self, kind, who, pose, header):
-        if kind.endswith("Person") and "people" in kind:
-            return self.make(kind, name=str(who), position=pose.position, velocity=pose.position)
-        if kind.endswith("PositionMeasurement"):
-            return self.make(kind, header=header, object_id=str(who), pos=pose.position)
-        if kind.endswith("TrackedPerson"):
-            sure = self.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36))
-            return self.make(kind, track_id=who, pose=sure)
-        if kind.endswith("AgentState"):
-            return self.make(kind, id=who, pose=pose)
-        if kind.endswith("Agent"):
-            return self.make(kind, id=who, name="somebody", position=pose)
-        size = self.make("geometry_msgs/msg/Vector3", x=1.0, y=1.0, z=1.0)
-        box = self.make("vision_msgs/msg/BoundingBox3D", center=pose, size=size)
-        return self.make(kind, header=header, bbox=box, id=str(who))
-
-    def grid(self, frame="map"):
-        """Three by two cells of half a metre; the one at (1, 0) is occupied, the next one unknown."""
-        header, data = self.header(0.0, frame), np.array([0, 100, -1, 0, 0, 0], np.int8)
-        sizes = {"resolution": 0.5, "width": 3, "height": 2, "origin": self.pose(-1.0, 2.0)}
-        about = self.make("nav_msgs/msg/MapMetaData", map_load_time=header.stamp, **sizes)
-        return self.make("nav_msgs/msg/OccupancyGrid", header=header, info=about, data=data)
-
-    def write(self, path, messages, storage=rosbag2.StoragePlugin.SQLITE3, times_s=None):
-        """Write (topic, type, message) tuples in order of time; without times, a nanosecond apart."""
-        ros2 = {"version": 9, "storage_plugin": storage}
-        self.fill(rosbag1.Writer(path) if self.ros1 else rosbag2.Writer(path, **ros2), messages, times_s)
-
-    def fill(self, writer, messages, times_s=None):
-        """Write into a new bag."""
-        serialise = self.types.serialize_ros1 if self.ros1 else self.types.serialize_cdr
-        with writer:
-            known = {}
-            for count, (topic, kind, message) in enumerate(messages):
-                if topic not in known:
-                    known[topic] = writer.add_connection(topic, kind, typestore=self.types)
-                time_ns = count if times_s is None else round(times_s[count] * 1e9)
-                writer.write(known[topic], time_ns, serialise(message, kind))
-
-
-@pytest.fixture(scope="module")
-def ros2():
-    return Store(Stores.ROS2_HUMBLE)
-
-
-def stream(store, kind, frame="map"):
-    yield "/map", "nav_msgs/msg/OccupancyGrid", store.grid()
-    for time_s in (0.0, 0.5, 1.0):
-        yield "/tracks", kind, store.people(kind, time_s, frame)
-
-
-def check(scene, names=tuple(PATHS)):
-    for name, path in zip(names, PATHS.values(), strict=True):
-        rows = scene.trajectories.track_id == name
-        np.testing.assert_allclose(scene.trajectories.time_s[rows], [0.0, 0.5, 1.0])
-        np.testing.assert_allclose(scene.trajectories.position[rows], path)
-    assert np.argwhere(scene.occupancy.occupied).tolist() == [[1, 0]]
-    assert scene.occupancy.occupied.shape == (3, 2)
-    np.testing.assert_allclose(scene.occupancy.origin, [-1.0, 2.0])
-    assert scene.detection_dt_s == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("kind", sorted(ADAPTERS))
@@ -246,7 +124,7 @@ def write_compressed(version, compression, path):
     ros2 = {"version": 9, "storage_plugin": rosbag2.StoragePlugin.SQLITE3}
     writer = rosbag1.Writer(path) if store.ros1 else rosbag2.Writer(path, **ros2)
     writer.set_compression(*compression)
-    store.fill(writer, stream(store, "people_msgs/msg/People"))
+    store.fill(writer, stream(store, PEOPLE))
 
 
 COMPRESSED = {
@@ -283,22 +161,6 @@ def test_one_message_that_would_unpack_to_too_much_refuses_the_bag(tmp_path, mon
     assert len(sizes) == 2
 
 
-def repacked(source, target, compression, **options):
-    """Write the messages of a recording with another MCAP writer."""
-    with source.open("rb") as old, target.open("wb") as new:
-        writer = Writer(new, compression=compression, **options)
-        writer.start("ros2")
-        reader, channels = make_reader(old), {}
-        for record in reader.iter_metadata():
-            writer.add_metadata(record.name, record.metadata)
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if channel.id not in channels:
-                known = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.id] = writer.register_channel(channel.topic, "cdr", known)
-            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
-        writer.finish()
-
-
 def lz4_of_zeros(count):
     packer, block = LZ4FrameCompressor(), bytes(2**22)
     return packer.begin() + b"".join(packer.compress(block) for _ in range(count // 2**22)) + packer.flush()
@@ -322,7 +184,7 @@ def zstd_of_zeros(count):
 def test_a_bag_whose_tables_are_computed_is_refused(computed, tmp_path):
     """The first one would be searched for ever for a version that it does not hold."""
     store = Store(Stores.ROS2_HUMBLE)
-    store.write(tmp_path / "hall", stream(store, "people_msgs/msg/People"))
+    store.write(tmp_path / "hall", stream(store, PEOPLE))
     with closing(sqlite3.connect(tmp_path / "hall" / "hall.db3")) as base:
         base.execute("DROP TABLE IF EXISTS schema")
         base.execute(computed)

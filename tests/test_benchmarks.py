@@ -83,8 +83,8 @@ def test_a_benchmark_that_measured_nothing_says_so_and_leaves_the_page(tmp_path,
 
 @pytest.mark.parametrize("benchmark", [pages, rates, dependencies])
 def test_who_reads_a_page_while_a_benchmark_writes_it_sees_a_whole_one(benchmark, tmp_path, monkeypatch):
-    page, old = tmp_path / "page.md", "<!-- table: rates -->\nold\n<!-- end -->\n| package |\n"
-    old = f"python -m benchmarks.rates --write\n{old}"
+    tables = "".join(f"<!-- table: {name} -->\nold\n<!-- end -->\n" for name in ("rates", "dependencies"))
+    page, old = tmp_path / "page.md", f"python -m benchmarks.rates --write\n{tables}"
     page.write_text(old)
     if benchmark is pages:
         monkeypatch.setattr(benchmark, "main", lambda: put("rates", [{"frames": "new"}], page), raising=False)

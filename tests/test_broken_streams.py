@@ -144,8 +144,8 @@ def test_a_clock_that_changes_while_nobody_is_there_costs_nothing():
         for one in found:
             np.testing.assert_array_equal(one.predictions.covariance, expected.predictions.covariance)
     for robot in (other, *robots):
-        assert robot._regions.learned.any()
-        assert robot._regions.detections.time_s.min() > 0.1 * 89 - 4.5
+        assert robot._place.regions.learned.any()
+        assert robot._place.regions.detections.time_s.min() > 0.1 * 89 - 4.5
 
 
 def test_regions_of_walkers_do_not_learn_from_furniture():
@@ -187,7 +187,7 @@ def test_people_of_a_second_camera_are_forecast_whichever_stamps_come_first(fold
     if not robot.description.memory:
         np.testing.assert_allclose(found.position, expected.position, atol=0.0 if behind_s == 0 else 0.1)
     assert robot.update(late, far, 0.0 * start[far]) is found
-    assert robot.update(late - 0.3, [NOBODY], [[0.0, 0.0]]) is found
+    assert robot.update(late - robot.settings.max_age_s, [NOBODY], [[0.0, 0.0]]) is found
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(-3.0, 3.0), st.integers(1, 59))

@@ -1,7 +1,6 @@
 """The command line: scenes in, recordings and folders out, errors without a traceback."""
 
 import json
-import shlex
 import subprocess
 import sys
 from dataclasses import replace
@@ -17,7 +16,7 @@ from pedpred.command.conversion import read_any
 from pedpred.command.maps import map_at
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
-from pedpred.online import OnlinePredictor, OnlineSettings, shipped
+from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.ros import write_recording
 from pedpred.sources.single_file import FORMATS
 from pedpred.storage.scenes import read_scene, write_map, write_scene
@@ -139,6 +138,16 @@ def test_an_mcap_bag_with_one_topic_of_people_needs_no_topic(capsys):
     assert capsys.readouterr().out == without
 
 
+def test_a_recording_without_obstacles_says_so_before_it_is_forecast(caplog, capsys, tmp_path):
+    bag, out = str(ROOT / "examples/corner/people.mcap"), str(tmp_path / "out.csv")
+    main(["info", bag])
+    assert "no obstacles are known" in capsys.readouterr().out
+    for options, expected in (([], True), (["--no-map"], False)):
+        caplog.clear()
+        main(["predict", bag, "-o", out, "--force", *options])
+        assert ("--map" in caplog.text) == expected
+
+
 def test_info_tells_about_several_scenes(scene, capsys):
     main(["info", str(scene), str(ROOT / "examples/crossing")])
     names = [line.split()[1] for line in capsys.readouterr().out.splitlines() if "name  " in line]
@@ -215,26 +224,6 @@ def test_what_counts_is_what_the_published_metrics_count():
     options = yaml.safe_load((ROOT / "conf/evaluation/paper.yaml").read_text())
     usual = EvaluationSettings()
     assert (options["moving_mps"], options["collision_m"]) == (usual.moving_mps, usual.collision_m)
-
-
-def test_the_walk_through_in_the_documentation_runs(model, tmp_path, monkeypatch):
-    """With an untrained network in place of the trained one."""
-    page = (ROOT / "docs/recordings.md").read_text()
-    lines = page.partition("```sh\n")[2].partition("```")[0].splitlines()
-    monkeypatch.setattr(shipped, "_INSTALLED", model[0])
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
-    monkeypatch.chdir(tmp_path)
-    for line in lines:
-        name, *arguments = shlex.split(line, comments=True)
-        assert name == "pedpred"
-        main(arguments)
-    figures = json.loads(Path("build/errors.json").read_text())
-    assert set(figures) == {"hall", "crossing", "all"}
-    for method in ("cv", "kalman_cv"):
-        assert 0.1 < figures["crossing"][method]["ade_m"] < 1.0
-        assert figures["hall"][method]["ade_m"] == figures["crossing"][method]["ade_m"]
-    assert figures["hall"]["network"]["ade_m"] != figures["crossing"]["network"]["ade_m"]
-    assert Path("build/hall.mcap").stat().st_size > 0
 
 
 def test_a_map_of_a_type_that_is_not_read_is_named_beside_those_that_are(tmp_path):

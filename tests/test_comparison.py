@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from pedpred.errors import FileError, ValueRuleError
 from pedpred.metrics import METRICS, Metric
 from pedpred.report.comparison import changes, changes_table, metrics_at, metrics_now
+from tests.plain_git import git
 from tools import compare
 
 ENTRY = {
@@ -95,9 +96,7 @@ def repository(tmp_path):
     folder.mkdir(parents=True)
     (folder / "sim.json").write_text(json.dumps(BEFORE["sim"]))
     (folder / "note.txt").write_text("not a metric")
-    who = ["-c", "user.name=n", "-c", "user.email=e", "-c", "commit.gpgsign=false"]
-    for command in (["init", "-q"], ["add", "."], [*who, "commit", "-qm", "first"]):
-        subprocess.run(["git", *command], cwd=tmp_path, check=True)
+    git(tmp_path, "init -q", "add .", "commit -qm first")
     return folder
 
 
@@ -136,7 +135,7 @@ def test_a_comparison_of_nothing_fails(repository, monkeypatch):
 
 def test_metrics_of_any_file_name_are_found_at_a_revision(repository):
     (repository / "größe.json").write_text(json.dumps(BEFORE["sim"]))
-    subprocess.run(["git", "add", "."], cwd=repository, check=True)
+    git(repository, "add .")
     tree = subprocess.run(["git", "write-tree"], cwd=repository, capture_output=True, text=True, check=True)
     found = metrics_at(tree.stdout.strip(), repository)
     assert sorted(found) == ["größe", "sim"]

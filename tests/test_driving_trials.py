@@ -6,11 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from omegaconf import OmegaConf
+from scipy.stats import binomtest
 
 from pedpred.driving import trials
 from pedpred.driving.episodes import DriveSettings, EpisodeSettings
-from pedpred.driving.figures import figures_of
+from pedpred.driving.figures import figures_of, share_interval
 from pedpred.driving.measures import Measures
 from pedpred.driving.shown import choose_episodes
 from pedpred.driving.table import Condition, Row, read_table, write_table
@@ -139,17 +142,40 @@ def test_settings_that_show_nothing_are_refused():
         replace(PLACE, world="forest")
 
 
-def made_rows(faults, times_s):
+def made_rows(faults, times_s, risk=0.1):
     """A table of `modes` and `kalman` with given faults and times of each episode."""
     usual = dict.fromkeys(Measures.__annotations__, 1)
     return [
-        Row("here", "differential", Condition(method, 0.1), e, "0", Measures(**usual | found))
+        Row("here", "differential", Condition(method, risk), e, "0", Measures(**usual | found))
         for method in ("modes", "kalman")
         for e, found in enumerate(
             {"faults": hit, "contacts": hit, "time_s": t}
             for hit, t in zip(faults[method], times_s[method], strict=True)
         )
     ]
+
+
+@given(st.integers(1, 300), st.data())
+def test_intervals_of_shares_are_those_of_wilson(cases, data):
+    hits = data.draw(st.integers(0, cases))
+    happened = np.arange(cases) < hits
+    expected = binomtest(hits, cases).proportion_ci(method="wilson")
+    np.testing.assert_allclose(share_interval(happened.astype(float)), expected, atol=1e-6)
+
+
+def test_few_episodes_without_a_collision_do_not_say_that_there_is_never_one():
+    """Neither the share of a method, nor the difference of two."""
+    none = {"modes": [0] * 14, "kalman": [0] * 14}
+    times = {limit: {"modes": [t] * 14, "kalman": [t + 0.5] * 14} for limit, t in ((0.1, 8.0), (0.3, 7.0))}
+    rows = [row for limit, at in times.items() for row in made_rows(none, at, limit)]
+    figures = figures_of(rows)
+    for limits in figures["methods"].values():
+        for each in limits.values():
+            low, high = each["at_fault_ci95"]
+            assert low == 0.0
+            assert 0.15 < high < 3 / 14 + 0.01
+    low, high = figures["equal_time"]["kalman"]["at_fault_ci95"]
+    assert -low == high > 0.15
 
 
 def test_shown_are_the_episodes_in_which_most_and_least_is_avoided():

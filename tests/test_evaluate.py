@@ -138,7 +138,11 @@ def test_people_who_move_and_people_who_stand_are_measured_apart(tmp_path, model
 def test_collisions_of_people_who_share_no_instant_are_not_measured(tmp_path, mixture):
     """Two people on one line, detected at the same instants and each at instants of its own."""
     for name, late_s in (("late", 0.1), ("line", 0.0)):
-        rows = [f"{0.4 * k + who * late_s:.1f},{who},{0.4 * k:.1f},0" for k in range(30) for who in (0, 1)]
+        rows = [
+            f"{0.4 * k + who * late_s:.1f},{who},{0.4 * k:.1f},{0.1 * who}"
+            for k in range(30)
+            for who in (0, 1)
+        ]
         (tmp_path / f"{name}.csv").write_text("\n".join(["time,id,x,y", *rows]) + "\n")
     given = (tmp_path / "late.csv", tmp_path / "line.csv", "--model", mixture[0])
     found = measured(*given, out=tmp_path / "e.json")

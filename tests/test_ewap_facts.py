@@ -1,24 +1,14 @@
 """The real recordings, read as configured, are what is known about them."""
 
-import dataclasses
-
 import numpy as np
 import pytest
-import yaml
 from PIL import Image
 
-from pedpred.baselines.registry import BASELINES
 from pedpred.errors import SourceError
-from pedpred.evaluation.scores import integrate_truth
-from pedpred.features import ForecastProtocol, extract_at_detections
 from pedpred.geometry import Homography
-from pedpred.metrics.paths import displacement
 from pedpred.scenes import Camera
 from pedpred.sources.ewap import ALONE, occupancy_from_image, read_sequence
-from pedpred.tracking import KalmanSettings, log_likelihood
-from tests.forecasts import request_about
-from tests.simulated import CONF
-from tests.worlds import PLACES, recorded, tracked
+from tests.worlds import PLACES, recorded
 
 PAIRS = {  # eth, hotel
     "rows": (8908, 6544),
@@ -33,10 +23,6 @@ PAIRS = {  # eth, hotel
     "wrong_order_outside": (0.0, 0.17),
     "obstacles": ([[-1.02, -0.83], [14.58, 13.07]], [[-1.42, -10.13], [-0.58, 2.01]]),
     "picture": ((480, 640, 3), (576, 720, 3)),
-    "windows": (5074, 2819),
-    "window_tracks": (330, 259),
-    "cv_ade": (0.419, 0.27),
-    "kalman_ade": (0.345, 0.22),
 }
 FACTS = {p: {name: pair[k] for name, pair in PAIRS.items()} for k, p in enumerate(("eth", "hotel"))}
 
@@ -117,34 +103,3 @@ def test_a_transposed_homography_file_is_refused(ewap_folder, tmp_path):
     np.savetxt(tmp_path / "H.txt", matrix[:, [1, 0, 2]])
     with pytest.raises(SourceError, match=r"far outside map\.png"):
         read_sequence(tmp_path, "hotel", PLACES["hotel"]["settings"])
-
-
-def tracker_tuned_on(place):
-    values = yaml.safe_load((CONF / "trackers" / "kalman.yaml").read_text())[f"tuned_on_{place}"]
-    return KalmanSettings(**{name: value for name, value in values.items() if name != "kind"})
-
-
-def test_real_windows_and_the_errors_of_constant_velocity(real):
-    """The honest protocol's windows, and the tracker tuned on the *other* place."""
-    scene, facts = real
-    (other,) = set(FACTS) - {scene.name}
-    table = extract_at_detections(scene, tracked(scene, tracker_tuned_on(other)), ForecastProtocol())
-    request = request_about(scene, table)
-    windows = request.asked
-    assert len(windows) == facts["windows"]
-    assert len(np.unique(windows.track_id)) == facts["window_tracks"]
-    truth = integrate_truth(windows, 0.3)
-    error = {m: displacement(BASELINES[m]()(request).point, truth).mean() for m in ("cv", "kalman_cv")}
-    assert error["cv"] == pytest.approx(facts["cv_ade"], rel=0.01)
-    assert error["kalman_cv"] <= facts["kalman_ade"]
-
-
-def test_the_committed_tracker_is_what_its_command_finds(real):
-    """Perturbing any parameter of the tracker tuned_on_<place> makes the place's detections less likely."""
-    scene = real[0]
-    committed = tracker_tuned_on(scene.name)
-    best = log_likelihood(scene.trajectories, committed, 8)
-    for name, value in vars(committed).items():
-        for factor in (0.95, 1.05):
-            other = dataclasses.replace(committed, **{name: value * factor})
-            assert log_likelihood(scene.trajectories, other, 8) < best + 1e-7, (name, factor)

@@ -346,7 +346,7 @@ def test_members_that_nobody_asked_for_are_not_written(target, tmp_path):
 
 def test_a_damaged_sum_is_named():
     with pytest.raises(ValueRuleError, match=r"sha256sums = 'abc  a\.txt', but a sum has 64"):
-        mirrors.Mirrors("ewap", (), (), 1.0, {"a.txt": "abc"})
+        mirrors.Mirrors("ewap", (), (), 1.0, ("abc  a.txt",))
 
 
 def committed(data_set="ewap"):

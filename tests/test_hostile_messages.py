@@ -27,7 +27,8 @@ from pedpred.ros2.identities import Identities
 from pedpred.ros2.log import RosHandler
 from pedpred.ros2.outputs import MARKERS
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
-from tests.test_ros_follower import GRID, PEOPLE, TF, answered, follower_of, people, rows_of
+from tests.bags import GRID, PEOPLE, TF
+from tests.following import answered, follower_of, grid, people, rows_of
 
 SEEDS = st.integers(0, 2**32 - 1)
 ODD = st.sampled_from([0.0, -0.0, 1.0, -3.0, 1e-300, 1e8, 1e9, 1e300, np.inf, -np.inf, np.nan])
@@ -163,19 +164,11 @@ def test_what_a_predictor_refuses_has_never_been(calls, seed):
         np.testing.assert_array_equal(found.predictions.path, expected.predictions.path)
 
 
-def grid(width=4, height=3, values=None, yaw_rad=0.0, resolution=0.5, **position):
-    turn = {"z": float(np.sin(yaw_rad / 2)), "w": float(np.cos(yaw_rad / 2))}
-    origin = {"position": position, "orientation": turn}
-    info = {"resolution": resolution, "width": width, "height": height, "origin": origin}
-    data = np.zeros(width * height if values is None else values, np.int8)
-    return serialize(GRID, {"header": header(0, "map"), "info": info, "data": data})
-
-
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.3])
 @pytest.mark.parametrize(
     "odd",
     [
-        {"width": 0},
+        {"width": 0, "values": 0},
         {"width": 20_000, "height": 20_000, "values": 10},
         {"values": 11},
         {"values": 13},
@@ -192,12 +185,13 @@ def grid(width=4, height=3, values=None, yaw_rad=0.0, resolution=0.5, **position
 )
 def test_a_map_that_is_none_is_refused_and_the_one_before_stays(odd, yaw_rad):
     follower = follower_of(use_map=True)
-    follower.map_came(grid())
-    before = follower.occupancy
+    follower.map_came(grid(np.zeros((3, 4))))
+    before, about = follower.occupancy, {"width": 4, "height": 3} | odd
+    cells, corner = np.zeros((1, about.pop("values", 12))), {"x": about.pop("x", 0.0)}
     with pytest.raises(PedpredError):
-        follower.map_came(grid(**odd, yaw_rad=yaw_rad))
+        follower.map_came(grid(cells, yaw_rad, position=corner, **about))
     assert follower.occupancy is before
-    follower.map_came(grid(width=1, height=1))
+    follower.map_came(grid(np.zeros((1, 1))))
     assert follower.occupancy.occupied.shape == (1, 1)
 
 
@@ -219,7 +213,7 @@ def test_of_too_many_people_those_who_came_first_are_forecast_and_others_counted
 
 def test_when_forecasts_take_too_long_late_messages_are_left_out_until_the_rest_is_in_time(caplog):
     """Waits in a queue that fills, s, and whether each message is forecast."""
-    follower = follower_of()
+    follower = follower_of(max_wait_s=2.0)
     waits = {0.0: True, 1.9: True, 2.1: False, 1.0: False, 0.3: False, 0.1: True, 1.8: True}
     for k, (waited_s, is_forecast) in enumerate(waits.items()):
         raw = serialize(PEOPLE, {"header": header((10 + k) * 10**8)})
@@ -227,6 +221,23 @@ def test_when_forecasts_take_too_long_late_messages_are_left_out_until_the_rest_
         assert bool(list(follower.answers(0.0))) == is_forecast
     assert "Forecasts take too long" in caplog.text
     assert follower.counts.slow == 3
+
+
+def test_unless_told_otherwise_no_forecast_is_of_people_who_waited_for_longer_than_a_step():
+    for waited_s, is_forecast in ((0.25, True), (0.35, False)):
+        follower = follower_of()
+        follower.people_came(serialize(PEOPLE, {"header": header(10**9)}), 0, 0.0, waited_s)
+        assert bool(list(follower.answers(0.0))) == is_forecast
+
+
+def test_diagnostics_say_that_forecasts_are_late_or_stamps_of_another_clock():
+    follower = follower_of()
+    answered(follower, named(1.0, "7"))
+    assert diagnose(follower, 0.0, 1, Counts(), latency_ms=250.0) == (0, "forecasts")
+    assert "forecasts come 1700 ms after people" in diagnose(follower, 0.0, 1, Counts(), latency_ms=1700.0)[1]
+    for age_s in (9.0, -5.0):
+        follower.people_came(named(60.0, "7"), round((60.0 + age_s) * 1e9), 0.0)
+        assert f"people are stamped {age_s:.1f} s ago" in diagnose(follower, 0.0, 1, Counts())[1]
 
 
 def test_diagnostics_say_when_people_come_and_forecasts_do_not():
@@ -475,7 +486,7 @@ def test_the_cells_of_predicted_occupancy_are_never_too_many(width, height, side
 
 def test_a_large_map_has_larger_cells_and_the_log_says_so(caplog):
     follower = follower_of(use_map=True, occupancy_cell_m=0.01)
-    follower.map_came(grid(100, 100))
+    follower.map_came(grid(np.zeros((100, 100))))
     answers = answered(follower, named(1.0, "7"))
     assert answers["predicted_occupancy/horizon"]["info"]["resolution"] > 0.01
     assert "the map is large for smaller ones" in caplog.text

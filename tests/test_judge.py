@@ -12,12 +12,13 @@ import pytest
 from pedpred.config import read_params
 from pedpred.errors import ValueRuleError
 from pedpred.online.network import read_origin
+from pedpred.report.rows import PromiseRow
 from tests.conftest import ROOT
+from tests.plain_git import git
 from tools import judge
 from tools.judgement import metrics_of
 from tools.verdicts import (
     SEEDS,
-    Promise,
     Verdict,
     below,
     got_worse,
@@ -45,7 +46,7 @@ def read_once(monkeypatch):
 
 def verdicts(**changes):
     own = OWN | changes
-    found = place_verdicts("eth", SIMPLE | {"network": own}, "network", Promise("kalman_cv", 0.97))
+    found = place_verdicts("eth", SIMPLE | {"network": own}, "network", PromiseRow("kalman_cv", 0.97))
     return {verdict.what: verdict for verdict in (*found, *region_verdicts("eth", own))}
 
 
@@ -109,8 +110,7 @@ def test_a_folder_is_taken_from_a_revision_however_it_is_named(tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     folder, scratch = Path("models/online/default"), tmp_path / "scratch"
     shutil.copytree(model[0], folder)
-    for command in ("init -q", "add models", "-c user.name=a -c user.email=a@b commit -qm model"):
-        subprocess.run(["git", *command.split()], check=True)
+    git(tmp_path, "init -q", "add models", "commit -qm model")
     assert judge.folder_at(str(folder), folder, scratch) == folder
     for named in (folder, folder.resolve(), Path("..") / tmp_path.name / folder):
         kept = judge.folder_at("HEAD", named, scratch)
@@ -133,8 +133,7 @@ def test_there_is_nothing_to_compare_with_where_nothing_is_committed(tmp_path, c
 @pytest.mark.parametrize("wrong", ["no-such-revision", "no/such/folder", "", "--all", "HEAD..HEAD"])
 def test_neither_a_folder_nor_a_revision_is_an_error(tmp_path, wrong, history):
     if history:
-        for command in ("init -q", "-c user.name=a -c user.email=a@b commit -q --allow-empty -m empty"):
-            subprocess.run(["git", *command.split()], cwd=tmp_path, check=True)
+        git(tmp_path, "init -q", "commit -q --allow-empty -m empty")
     with pytest.raises(ValueRuleError, match=r"against = .*, but there is no such folder, and git knows no"):
         judge.folder_at(wrong, tmp_path, tmp_path / "scratch")
 
@@ -234,24 +233,20 @@ def test_a_model_is_judged_by_the_latest_figures_of_a_run_that_exports_it(tmp_pa
         outs = f"[{{path: models/online/large, md5: {exported}}}]"
         lock.write_text(f"stages:\n  page: {{}}\n  export@large: {{outs: {outs}}}\n")
 
-    def committed(message):
-        for command in ("add .", f"-c user.name=a -c user.email=a@b commit -qm {message}"):
-            subprocess.run(["git", *command.split()], check=True)
-
     for path in (folder, metrics.parent):
         path.mkdir(parents=True)
-    subprocess.run(["git", "init", "-q"], check=True)
+    git(tmp_path, "init -q")
     (folder / "model.json").write_text("{}")
     run(1, "a")
-    committed("model")
+    git(tmp_path, "add .", "commit -qm model")
     run(2, "b")
     assert metrics_of(folder) == {"real": {"run": 1}}
     assert metrics_of(Path("models/other")) == {"real": {"run": 2}}
     run(3, "a")
     assert metrics_of(folder) == {"real": {"run": 3}}
-    committed("evaluation")
+    git(tmp_path, "add .", "commit -qm evaluation")
     run(4, "b")
-    committed("refused")
+    git(tmp_path, "add .", "commit -qm refused")
     assert metrics_of(folder) == {"real": {"run": 3}}
     (folder / "model.json").write_text('{"other": 1}')
     assert metrics_of(folder) == {"real": {"run": 4}}

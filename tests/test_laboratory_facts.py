@@ -9,12 +9,10 @@ import yaml
 from pedpred.scenes import checked_placement
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.sources import SOURCES
-from pedpred.tracking import KalmanSettings, log_likelihood
 from tests.conftest import ROOT
 from tests.worlds import PLACES
 
 SENSORS = yaml.safe_load((ROOT / "conf/sensors/detectors.yaml").read_text())
-TRACKERS = yaml.safe_load((ROOT / "conf/trackers/kalman.yaml").read_text())
 FACTS = {  # people, detections, first and last frame, frames per second; width of passages and where
     "lab_corner": (137, 18704, 53, 885, 16, 3.0, [(1.0, None)]),
     "lab_t_junction": (134, 13569, 89, 1088, 16, 2.4, [(None, 2.0), (-4.0, None), (3.0, None)]),
@@ -79,32 +77,10 @@ def test_corridors_go_on_beyond_their_open_ends(place):
         assert scene.occupancy.is_occupied(beside).all()
 
 
-def thinned(place):
-    scene, name = place
-    return apply_sensor(scene, SensorSettings(**SENSORS[PLACES[name]["sensor"]]), np.random.default_rng(0))
-
-
 def test_the_tracker_gets_detections_at_the_rate_of_a_robot(place):
     scene, name = place
-    seen = thinned(place)
+    sensor = SensorSettings(**SENSORS[PLACES[name]["sensor"]])
+    seen = apply_sensor(scene, sensor, np.random.default_rng(0))
     assert seen.detection_dt_s == pytest.approx(0.4 if name == "lab_crossing" else 0.375)
     assert seen.trajectories.usual_interval_s() == pytest.approx(seen.detection_dt_s)
     assert set(map(tuple, seen.trajectories.position)) <= set(map(tuple, scene.trajectories.position))
-
-
-def test_the_committed_tracker_is_what_its_command_finds(place):
-    """Perturbing any parameter of the tracker tuned_on_<place> makes the place's detections less likely."""
-    seen, row = thinned(place).trajectories, TRACKERS[f"tuned_on_{place[1]}"]
-    committed = KalmanSettings(**{name: value for name, value in row.items() if name != "kind"})
-    best = log_likelihood(seen, committed, 8)
-    for name, value in vars(committed).items():
-        for factor in (0.9, 1.1):
-            other = replace(committed, **{name: value * factor})
-            assert log_likelihood(seen, other, 8) < best + 1e-7, (name, factor)
-
-
-def test_no_place_is_tracked_with_its_own_parameters():
-    for name, row in PLACES.items():
-        assert row["tracker"] in TRACKERS
-        assert row["tracker"] != f"tuned_on_{name}"
-        assert row["social_force"] != f"fitted_on_{name}"

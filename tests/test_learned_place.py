@@ -70,9 +70,9 @@ def test_a_robot_that_trusts_the_network_alone_takes_regions_only(mixture, visit
     visited.save_place(tmp_path / "hall.json")
     alone = OnlinePredictor.load(mixture[0], OnlineSettings(learn_trust=False))
     alone.load_place(tmp_path / "hall.json")
-    assert alone._trust is None
-    learned = np.clip(visited._regions.learned, *alone._regions.limits)
-    np.testing.assert_array_equal(alone._regions.learned, learned)
+    assert alone._place.trust is None
+    learned = np.clip(visited._place.regions.learned, *alone._place.regions.limits)
+    np.testing.assert_array_equal(alone._place.regions.learned, learned)
 
 
 def test_what_was_learned_and_is_not_used_stays_in_the_file(mixture, visited, tmp_path):
@@ -87,13 +87,13 @@ def test_what_was_learned_and_is_not_used_stays_in_the_file(mixture, visited, tm
         assert json.loads(path.read_text())["trust"] == learned
     again = OnlinePredictor.load(mixture[0])
     again.load_place(path)
-    np.testing.assert_array_equal(again._trust.place.compared, learned["compared"])
+    np.testing.assert_array_equal(again._place.trust.place.compared, learned["compared"])
 
 
 def test_without_trust_in_the_file_it_is_learned_from_the_beginning(mixture, visited, tmp_path):
     OnlinePredictor.load(mixture[0], OnlineSettings(learn_trust=False)).save_place(tmp_path / "alone.json")
     visited.load_place(tmp_path / "alone.json")
-    np.testing.assert_array_equal(visited._trust.place.compared, 0.0)
+    np.testing.assert_array_equal(visited._place.trust.place.compared, 0.0)
 
 
 def test_a_reset_forgets_also_what_was_not_used(mixture, visited, tmp_path):

@@ -89,7 +89,7 @@ def test_intervals_hold_the_truth_about_95_times_in_100():
 def test_the_reported_constant_velocity_is_that_of_a_few_lines(ewap_folder, place):
     """From the raw annotations: frame, id, x, z, y, ...; frames count at 15 (eth) and 25 (hotel) a second."""
     rows = np.loadtxt(ewap_folder / f"seq_{place}" / "obsmat.txt")
-    ahead_s, errors = 0.3 * np.arange(1, 11), []
+    ahead_s, errors, tracks = 0.3 * np.arange(1, 11), [], set()
     for track in np.unique(rows[:, 1]):
         own = rows[rows[:, 1] == track]
         time_s, path = own[:, 0] / {"eth": 15, "hotel": 25}[place], own[:, [2, 4]]
@@ -98,7 +98,8 @@ def test_the_reported_constant_velocity_is_that_of_a_few_lines(ewap_folder, plac
                 pace = (path[k] - path[k - 1]) / (time_s[k] - time_s[k - 1])
                 truth = CubicSpline(time_s, path)(time_s[k] + ahead_s)
                 errors.append(np.hypot(*(path[k] + np.outer(ahead_s, pace) - truth).T))
+                tracks.add(track)
     reported = json.loads(REPORTED.read_text())[place]["cv"]
-    assert reported["windows"] == len(errors)
+    assert (reported["windows"], reported["tracks"]) == (len(errors), len(tracks))
     assert reported["ade_m"] == pytest.approx(np.mean(errors), abs=2e-4)
     assert reported["fde_m"] == pytest.approx(np.mean(errors, axis=0)[-1], abs=2e-4)

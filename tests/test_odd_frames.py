@@ -86,6 +86,59 @@ def test_a_false_stamp_costs_a_fresh_start_and_no_more(folder, false_s, caplog):
     assert f"jumps from 0.4 s to {false_s} s" in caplog.text
 
 
+FALSE_S = st.floats(0.26, 3.0)
+RATES_HZ = st.sampled_from([2.5, 5.0, 10.0, 25.0])
+
+
+@settings(max_examples=20, deadline=None)
+@given(away_s=FALSE_S, rate_hz=RATES_HZ, is_set=st.booleans())
+def test_no_clock_that_goes_back_silences_a_stream(mixture, away_s, rate_hz, is_set):
+    """A clock is set back, or a single stamp was ahead: 0.3 s later, people are forecast as at a start."""
+    robot, other = OnlinePredictor.load(mixture[0]), OnlinePredictor.load(mixture[0])
+    before = np.arange(10) / rate_hz
+    walked(robot, before)
+    if not is_set:
+        walked(robot, [before[-1] + away_s])
+    begin_s = before[-1] + 1 / rate_hz - (away_s if is_set else 0.0)
+    times, fresh_from = begin_s + np.arange(60) / rate_hz, None
+    for now in times:
+        forecast = walked(robot, [now])
+        if fresh_from is None and forecast.time_s == now:
+            fresh_from = now
+        if fresh_from is not None:
+            expected = walked(other, [now])
+            assert forecast.time_s == now
+    assert fresh_from - begin_s <= 0.3 + 1 / rate_hz + 1e-6
+    np.testing.assert_allclose(forecast.position, expected.position, atol=0.01)
+
+
+@settings(max_examples=20, deadline=None)
+@given(lag_s=st.floats(0.01, 0.48), rate_hz=RATES_HZ, phase=st.floats(0.0, 1.0))
+def test_people_of_a_late_sensor_are_forecast_beside_those_of_another(mixture, lag_s, rate_hz, phase):
+    robot = OnlinePredictor.load(mixture[0])
+    for k in range(30):
+        now = k / rate_hz
+        assert 1 in robot.update(now, [1], [[now, 0.0]]).track_id
+        late_s = now + phase / rate_hz - lag_s
+        forecast = robot.update(late_s, [2], [[late_s, 3.0]])
+        assert set(forecast.track_id) == {1, 2}
+    assert forecast.track_id.tolist() == [1, 2]
+
+
+@pytest.mark.parametrize("lag_s", [0.4, 0.6, 0.9, 1.5])
+def test_a_fast_sensor_that_lags_behind_a_slow_one_does_not_make_everybody_new_for_ever(
+    mixture, lag_s, caplog
+):
+    robot = OnlinePredictor.load(mixture[0])
+    for k in range(200):
+        now = k / 10
+        if k % 10 == 0:
+            robot.update(now, [1], [[now, 0.0]])
+        robot.update(now + 0.01 - lag_s, [2], [[now, 3.0]])
+    jumps = caplog.text.count("time jumps")
+    assert jumps <= 2 * (lag_s > 0.5)
+
+
 def test_stamps_in_milliseconds_are_told_once(folder, caplog):
     with caplog.at_level(logging.WARNING):
         walked(OnlinePredictor.load(folder), range(0, 4000, 400))

@@ -14,7 +14,7 @@ import torch
 
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.models.export import store_half
-from pedpred.online import OnlinePredictor, shipped
+from pedpred.online import OnlinePredictor, OnlineSettings, shipped
 from pedpred.online.caution import moving_shares, shorten_paths
 from pedpred.online.network import write_description
 from pedpred.scenes import OccupancyMap, Predictions
@@ -239,6 +239,16 @@ def test_people_who_have_just_appeared_are_forecast_to_walk_when_they_have_clear
         assert moving_shares(place, last, new, belief, noise_m) == pytest.approx(share)
         assert moving_shares(place, last, old, belief, noise_m) == 1.0
         assert moving_shares(place, last, new, 0.0 * belief, noise_m) == 1.0  # velocities are known
+
+
+def test_declared_noise_of_people_who_have_just_appeared_is_no_walking():
+    """The shipped network: 20 people stand, detected 10 times a second with 10 cm of noise."""
+    rng, robot = np.random.default_rng(3), OnlinePredictor.load(None, OnlineSettings(detection_noise_m=0.1))
+    place, away_m = 5.0 * np.stack([np.arange(20) % 5, np.arange(20) // 5], axis=-1), []
+    for k in range(8):
+        forecast = robot.update(0.1 * k, np.arange(20), place + rng.normal(0.0, 0.1, (20, 2)))
+        away_m.append(np.linalg.norm(forecast.position[:, -1] - place, axis=-1).mean())
+    assert max(away_m) < 0.6
 
 
 def test_shortened_paths_are_wider_by_what_they_lost():

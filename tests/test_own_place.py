@@ -83,7 +83,7 @@ def report(project):
 def unpainted(monkeypatch):
     """Pages of text; one test draws their pictures, which takes most of the time, and paints some."""
     monkeypatch.setattr("pedpred.report.gallery.snapshot_figure", lambda *_: None)
-    monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
+    monkeypatch.setattr("pedpred.report.document.write_png", lambda figure, path: None)
     monkeypatch.setattr("stages.report.render_page", lambda contents: "")
 
 
@@ -174,7 +174,7 @@ def test_a_place_whose_files_nobody_has_is_a_scene_without_people(project):
 
 def test_it_flows_from_tracks_to_the_page(crossing, monkeypatch):
     """Every picture is composed, but only those of the page are painted, which takes most of the time."""
-    monkeypatch.setattr("stages.report.write_png", lambda figure, path: None)
+    monkeypatch.setattr("pedpred.report.document.write_png", lambda figure, path: None)
     project = crossing
     run("train", project, name="lstm", phase="finetune", fold="trained")
     assert Path("models/folds/trained/lstm/weights.safetensors").exists()

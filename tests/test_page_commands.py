@@ -2,13 +2,17 @@
 
 import functools
 import importlib.util
+import json
 import re
 import runpy
 import shlex
 import shutil
 import sys
+from contextlib import redirect_stdout
+from io import StringIO
 from itertools import dropwhile, groupby
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 import yaml
@@ -202,18 +206,26 @@ def project(tmp_path_factory):
     return copy
 
 
+@pytest.fixture
+def commanded(folder, model, monkeypatch):
+    """Runs a command of the package there, with an untrained network in place of the trained one."""
+    monkeypatch.setattr(shipped, "_INSTALLED", model[0])
+    monkeypatch.chdir(folder)
+
+    def run(words):
+        force = ["--force"] if words[1] in ("predict", "convert") else []
+        main([*words[1:], *force, *(["--samples", "20"] if words[1] == "evaluate" else [])])
+
+    return run
+
+
 @pytest.mark.parametrize("words", RUN)
 def test_a_command_on_a_page_runs(words, folder, request, monkeypatch):
     """As written, but for replicates, trials and worlds, which are fewer."""
     if begins(words, IN_A_COPY):
         ended = done(request.getfixturevalue("project"), *words)
     elif words[0] == "pedpred":
-        monkeypatch.setattr(
-            shipped, "_INSTALLED", request.getfixturevalue("model")[0]
-        )  # it needs to answer only
-        monkeypatch.chdir(folder)
-        force = ["--force"] if words[1] in ("predict", "convert") else []
-        main([*words[1:], *force, *(["--samples", "20"] if words[1] == "evaluate" else [])])
+        request.getfixturevalue("commanded")(words)
         return
     else:
         assert words[:2] == ["python", "-m"]
@@ -226,11 +238,34 @@ def test_a_command_on_a_page_runs(words, folder, request, monkeypatch):
     assert ended.returncode == 0, ended.stderr
 
 
+def test_the_walk_through_measures_what_its_comments_say(folder, commanded):
+    """The same people with and without a map: as far off by simple methods, and not by the network."""
+    if not (folder / "build/errors.json").exists():  # the test before has run these commands
+        for line in blocks(PAGES["docs/recordings.md"], "sh")[0].splitlines():
+            commanded(shlex.split(line, comments=True))
+    figures = json.loads((folder / "build/errors.json").read_text())
+    assert set(figures) == {"hall", "crossing", "all"}
+    for method in ("cv", "kalman_cv"):
+        assert 0.1 < figures["crossing"][method]["ade_m"] < 1.0
+        assert figures["hall"][method]["ade_m"] == figures["crossing"][method]["ade_m"]
+    assert figures["hall"]["network"]["ade_m"] != figures["crossing"]["network"]["ade_m"]
+    assert (folder / "build/hall.mcap").stat().st_size > 0
+
+
 @pytest.fixture(scope="module")
 def targets():
     """Names of the stages of the project and of their families, as DVC takes them for targets."""
     names = {stage.name for stage in stages()}
     return names | {staleness.family(name) for name in names}
+
+
+@functools.cache
+def options_of(module):
+    """What a command lists when it is asked for help."""
+    told = StringIO()
+    with patch.object(sys, "argv", [module, "--help"]), redirect_stdout(told), pytest.raises(SystemExit):
+        importlib.import_module(module).main()
+    return {*re.findall(r"--[a-z-]+", told.getvalue())}
 
 
 @pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
@@ -253,7 +288,8 @@ def test_a_command_that_is_not_run_asks_for_what_exists(words, request):
     elif "-m" in words and words[0] != "python3":
         module, *given = words[words.index("-m") + 1 :]
         source = Path(importlib.util.find_spec(module).origin).read_text()
-        assert all(f'"{option}"' in source for option in given if option.startswith("--"))
+        if options := {word for word in given if word.startswith("--")}:
+            assert options <= options_of(module)
         if module.startswith("stages."):
             composed(*given)
             named = {word[1:].partition("=")[0] for word in given if word.startswith("+")} - {"name"}

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rosbags.typesys import Stores
 
 from pedpred.ros import read_bag
 from pedpred.scenes import Trajectories
 from pedpred.sources.single_file import read_file
 from pedpred.tables.placeholders import find_placeholders, without_placeholders
-from tests.test_bag_people import bag
-from tests.test_bags import Store
+from tests.bags import bag
 
 COUNT, STEP_S = 60, 0.25
 
@@ -76,12 +74,11 @@ def test_who_is_never_seen_is_left_out_if_others_jump(tmp_path, caplog):
     assert f"left out: {lost} of {len(time_s)} detections, at (0, 0): people jump there" in caplog.text
 
 
-def test_in_a_bag_it_is_the_place_in_the_robots_frame_that_counts(tmp_path, caplog):
-    store = Store(Stores.ROS2_HUMBLE)
+def test_in_a_bag_it_is_the_place_in_the_robots_frame_that_counts(ros2, tmp_path, caplog):
     instants = [(STEP_S * k, {"7": (8.0 + 0.3 * k, 1.0), "8": (0.0, 2.0 + 0.3 * k)}) for k in range(20)]
     for k in (4, 5, 11):
         instants[k][1]["7"] = (0.0, 0.0)
-    path = bag(store, tmp_path / "bag", *instants, frame="laser", grid=False)
+    path = bag(ros2, tmp_path / "bag", *instants, frame="laser", grid=False)
     with caplog.at_level(logging.WARNING):
         people = read_bag(path).trajectories
     assert (people.track_id == 7).sum() == 17

@@ -1,8 +1,9 @@
-"""Errors of constant velocity at the real places: the pipeline's, and a short script's on the raw files.
+"""Real places: errors of constant velocity are those of a short script, trackers what their command finds.
 
 The script shares no code with the pipeline, only the rows of conf/ on how a place is sensed and tracked.
 """
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +16,15 @@ from pedpred.evaluation.compare import compare
 from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception, parse_tracker
-from pedpred.simulation.sensor import SensorSettings
+from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.sources import SOURCES
+from pedpred.tracking import KalmanBank, KalmanSettings, log_likelihood
 from tests.conftest import ROOT, raw_folder
 from tests.worlds import PLACES
 
 SENSORS = yaml.safe_load((ROOT / "conf/sensors/detectors.yaml").read_text())
 TRACKERS = yaml.safe_load((ROOT / "conf/trackers/kalman.yaml").read_text())
+REPORTED = json.loads((ROOT / "reports/metrics/real.json").read_text())
 AHEAD_S = 0.3 * np.arange(1, 11)
 
 
@@ -62,22 +65,48 @@ def raw_rows(folder, settings):
     return np.loadtxt(path)[:, :4], rate_hz
 
 
-@pytest.mark.parametrize("name", PLACES)
-def test_the_pipeline_and_a_script_agree(name):
-    place = PLACES[name]
+@pytest.fixture(scope="module", params=PLACES)
+def real(request):
+    """A real place: its name, its row of conf/places, the folder of its raw files, and its scene."""
+    name, place = request.param, PLACES[request.param]
     _, _, data_set, *inside = Path(place["folder"]).parts
     folder = raw_folder(data_set).joinpath(*inside)
+    return name, place, folder, SOURCES[place["source"]](folder, name, place["settings"])
+
+
+def scored(scene, place, tracker):
+    """Scores of constant velocity, the last step's and the tracker's, as the pipeline measures them."""
+    how = Perception(tracker, 0.2, SensorSettings(**SENSORS[place["sensor"]]))
+    request = ask_about_windows(scene, how, ForecastProtocol(), memory=False)
+    _, scores = compare(request, {m: BASELINES[m]() for m in ("cv", "kalman_cv")}, EvaluationSettings())
+    return scores
+
+
+def test_the_pipeline_agrees_with_a_script_and_with_what_is_reported(real):
+    """The script runs the tuned filter alone; what is reported learns each person's noise from there."""
+    name, place, folder, scene = real
     sensor, tracker = SENSORS[place["sensor"]], TRACKERS[place["tracker"]]
     rows, rate_hz = raw_rows(folder, place["settings"])
     every = round(rate_hz / sensor["rate_hz"]) if sensor["rate_hz"] else 1
-    expected = script(rows, rate_hz, every, tracker)
+    expected, tuned = script(rows, rate_hz, every, tracker), parse_tracker(tracker)
+    for column, own in enumerate(scored(scene, place, tuned).values()):
+        assert len(own.track) == pytest.approx(len(expected), rel=0.01)
+        assert own.values["ade_m"].mean() == pytest.approx(expected[:, column].mean(), rel=0.02)
+    for method, own in scored(scene, place, KalmanBank.around(tuned)).items():
+        reported = REPORTED[name][method]
+        assert (len(own.track), len(np.unique(own.track))) == (reported["windows"], reported["tracks"])
+        assert own.values["ade_m"].mean() == pytest.approx(reported["ade_m"], abs=2e-5)
 
-    scene = SOURCES[place["source"]](folder, name, place["settings"])
-    how = Perception(parse_tracker(tracker), 0.2, SensorSettings(**sensor))
-    request = ask_about_windows(scene, how, ForecastProtocol(), memory=False)
-    methods = {method: BASELINES[method]() for method in ("cv", "kalman_cv")}
-    _, scores = compare(request, methods, EvaluationSettings())
-    for column, method in enumerate(methods):
-        own = scores[method].values["ade_m"]
-        assert len(own) == pytest.approx(len(expected), rel=0.01)
-        assert own.mean() == pytest.approx(expected[:, column].mean(), rel=0.02)
+
+@pytest.mark.parametrize("real", [name for name in PLACES if f"tuned_on_{name}" in TRACKERS], indirect=True)
+def test_the_committed_tracker_is_what_its_command_finds(real):
+    """Perturbing any parameter of the tracker tuned_on_<place> makes the place's detections less likely."""
+    name, place, _, scene = real
+    seen = apply_sensor(scene, SensorSettings(**SENSORS[place["sensor"]]), np.random.default_rng(0))
+    values = {key: value for key, value in TRACKERS[f"tuned_on_{name}"].items() if key != "kind"}
+    best = log_likelihood(seen.trajectories, KalmanSettings(**values), 8)
+    best += 1e-6 if place["source"] == "eth_ucy" else 1e-7  # splines have hardly any noise to be found
+    for key, value in values.items():
+        for factor in (0.95, 1.05):
+            other = KalmanSettings(**values | {key: value * factor})
+            assert log_likelihood(seen.trajectories, other, 8) < best, (key, factor)

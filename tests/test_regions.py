@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pedpred.forecasting.detections import Detections
 from pedpred.forecasting.regions import Regions
 from pedpred.metrics.calibration import REGIONS, coverage, share_inside
+from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.scenes import Predictions
 from tests.forecasts import learned
 
@@ -200,3 +201,30 @@ def test_declared_noise_is_not_in_the_regions(every_s):
     np.testing.assert_allclose(shares_of_truth(after, truth), REGIONS, atol=0.03)
     without = learned(right, track_id, time_s, detected, everybody)
     assert (shares_of_truth(without, truth) > shares_of_truth(after, truth)).all()
+
+
+@given(st.floats(0.01, 0.1), st.floats(0.002, 0.2), st.floats(0.2, 1.0))
+def test_no_region_shrinks_to_where_declared_noise_would_hide_it(noise_m, long_m, ratio):
+    short_m = ratio * long_m
+    covariance = np.tile(np.diag([long_m**2, short_m**2]), (1, 1, STEPS, 1, 1))
+    stands = Predictions.single(np.zeros((1, STEPS, 2)), DT_S, covariance[:, 0])
+    shrunk = np.stack([np.full((2, 4), -3.0), np.zeros((2, 4))])
+    sure, noisy_ = (
+        replace(Regions.unlearned(STEPS, n), learned=shrunk).scaled(stands) for n in (0.0, noise_m)
+    )
+    np.testing.assert_allclose(sure.covariance, np.exp(-6.0) * stands.covariance)
+    least_m = min(short_m, max(noise_m / 4, np.exp(-3.0) * short_m))
+    np.testing.assert_allclose(noisy_.covariance, (least_m / short_m) ** 2 * stands.covariance)
+
+
+def test_regions_of_people_who_stand_hold_them_where_noise_is_declared():
+    """The shipped network: its modes lie about as far apart as the tracker errs."""
+    rng, robot = np.random.default_rng(5), OnlinePredictor.load(None, OnlineSettings(detection_noise_m=0.05))
+    place = np.stack(np.meshgrid(4.0 * np.arange(4), 4.0 * np.arange(2)), axis=-1).reshape(-1, 2)
+    truth, inside = np.repeat(place[:, None], STEPS, axis=1), []
+    for k in range(450):
+        forecast = robot.update(0.1 * k, np.arange(8), place + rng.normal(0.0, 0.05, (8, 2)))
+        if k >= 300 and not k % 5:
+            inside.append(share_inside(forecast.predictions, truth))
+    held = (np.concatenate(inside) <= 0.9).mean(axis=0)
+    assert (held > 0.8).all()

@@ -7,6 +7,7 @@ import subprocess
 import pytest
 
 from tests.conftest import ROOT
+from tests.plain_git import git
 
 NOTE = "no raw data of lost: put them here\nTried was nothing.\n"
 
@@ -23,7 +24,7 @@ def folder(tmp_path):
     for study in ("sim", "real"):
         (tmp_path / f"reports/{study}.md").write_text(f"# published {study}\n\n| all places |\n")
     (tmp_path / ".gitignore").write_text("/data/\n/build/\n/.venv/\n/calls\n")
-    subprocess.run(["git", "init", "--quiet"], cwd=tmp_path, check=True)
+    git(tmp_path, "init --quiet")
     return tmp_path
 
 

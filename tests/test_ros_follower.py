@@ -15,7 +15,7 @@ from pedpred.ros.assignment import NearestTracks
 from pedpred.ros.frame_tree import FrameTree
 from pedpred.ros.message_types import known_types, serialize
 from pedpred.ros.people import ADAPTERS
-from pedpred.ros.planning import HORIZON, ROW, grid_messages
+from pedpred.ros.planning import HORIZON, grid_messages
 from pedpred.ros.scene_messages import header, map_message
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
 from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
@@ -25,58 +25,13 @@ from pedpred.ros2.log import guarded
 from pedpred.ros2.outputs import MARKERS, output_types
 from pedpred.ros2.settings import LIVE, NodeSettings, described, fields_of, unchangeable
 from pedpred.scenes import OccupancyMap, Predictions
+from tests.bags import GRID, PEOPLE, TF
+from tests.following import answered, follower_of, grid, people, rows_of, transform, transforms
+from tests.robots import STANDING, from_robot, robot
 
-PEOPLE, BOXES = "people_msgs/msg/People", "vision_msgs/msg/Detection3DArray"
+BOXES = "vision_msgs/msg/Detection3DArray"
 AGENTS = "pedsim_msgs/msg/AgentStates"
-GRID, TF = "nav_msgs/msg/OccupancyGrid", "tf2_msgs/msg/TFMessage"
-STANDING = np.array([3.0, 2.0, 0.0])
 NOWHERE = np.array([np.nan, 0.0, 0.0])
-
-
-def follower_of(**values):
-    settings = NodeSettings(**{"use_map": False} | values)
-    return Follower(OnlinePredictor.load(None, settings.online()), settings, clock=lambda: 0.0)
-
-
-def people(time_s, frame="map", **places):
-    here = [
-        {"name": name, "position": dict(zip("xyz", map(float, (*at, 0.0)[:3]), strict=True))}
-        for name, at in places.items()
-    ]
-    return serialize(PEOPLE, {"header": header(round(time_s * 1e9), frame), "people": here})
-
-
-def transform(parent, child, turn, offset, time_s=0.0):
-    rotation = dict(zip("xyzw", map(float, turn.as_quat()), strict=True))
-    translation = dict(zip("xyz", map(float, offset), strict=True))
-    return {
-        "header": header(round(time_s * 1e9), parent),
-        "child_frame_id": child,
-        "transform": {"translation": translation, "rotation": rotation},
-    }
-
-
-def transforms(*poses):
-    return serialize(TF, {"transforms": list(poses)})
-
-
-def robot(time_s):
-    return Rotation.from_euler("z", 0.4 * time_s), np.array([0.8 * time_s, 0.3 * np.sin(time_s), 0.0])
-
-
-def seen(place, time_s):
-    turn, offset = robot(time_s)
-    return turn.inv().apply(place - offset)
-
-
-def answered(follower, raw, now_s=0.0):
-    """Topic -> content of the answers to a message of people."""
-    follower.people_came(raw, 10**9, now_s)
-    return {answer.topic: answer.content for answer in follower.answers(now_s)}
-
-
-def rows_of(cloud):
-    return np.frombuffer(cloud["data"].tobytes(), ROW)
 
 
 def test_every_answer_is_a_message_of_its_type():
@@ -97,7 +52,7 @@ def test_who_stands_has_no_speed_seen_from_a_robot_that_drives_and_turns():
     for k in range(25):
         at_s = 100.0 + k / 10
         follower.transforms_came(transforms(transform("map", "base_link", *robot(at_s), at_s)), at_s, False)
-        answers = answered(follower, people(at_s, "base_link", eve=seen(STANDING, at_s)))
+        answers = answered(follower, people(at_s, "base_link", eve=from_robot(STANDING, at_s)))
         (eve,) = answers["predictions/people"]["people"]
         assert np.hypot(*eve["velocity"].values()) < 0.05
         np.testing.assert_allclose(list(eve["position"].values()), STANDING[:2], atol=0.05)
@@ -117,7 +72,7 @@ def test_nobody_moves_because_the_localisation_jumps(identities, jump_m, jump_ra
         )
         follower.transforms_came(moved, at_s, False)
         walking = np.array([8.0 - 0.1 * k, 3.0, 0.0])
-        places = {"1": seen(STANDING, at_s), "2": seen(walking, at_s)}
+        places = {"1": from_robot(STANDING, at_s), "2": from_robot(walking, at_s)}
         answers = answered(follower, people(at_s, "base_link", **places))
         eve, bob = answers["predictions/people"]["people"]
         assert (eve["name"], bob["name"]) == ("1", "2")
@@ -138,7 +93,7 @@ def test_a_localisation_that_jumps_at_every_message_costs_nobody_the_id(caplog):
             transform("map", "odom", robot(0)[0], shift, at_s),
         )
         follower.transforms_came(transforms(*poses), at_s, False)
-        answers = answered(follower, people(at_s, "base_link", eve=seen(STANDING, at_s)))
+        answers = answered(follower, people(at_s, "base_link", eve=from_robot(STANDING, at_s)))
         (eve,) = answers["predictions/people"]["people"]
         assert eve["name"] == "eve"
     assert "ids do not stay" not in caplog.text
@@ -227,7 +182,7 @@ def test_odometry_is_where_the_base_moves_whatever_it_is_called(odometry, base, 
         if not odometry:
             poses = [transform("map", base, *robot(at_s), at_s)]
         follower.transforms_came(transforms(*poses), at_s, False)
-        here = STANDING if frame == odometry else seen(STANDING, at_s)
+        here = STANDING if frame == odometry else from_robot(STANDING, at_s)
         (eve,) = answered(follower, people(at_s, frame, eve=here))["predictions/people"]["people"]
         assert np.hypot(*eve["velocity"].values()) < 0.05
 
@@ -241,11 +196,11 @@ def test_people_of_a_second_camera_are_forecast_whichever_stamps_come_first(behi
         lies = Rotation.identity(), np.array([0.4 * (k > 25), 0.0, 0.0])
         pose = transform("map", "odom", *lies, at_s), transform("odom", "base_link", *robot(at_s), at_s)
         follower.transforms_came(transforms(*pose), at_s, False)
-        answered(follower, people(at_s, "base_link", eve=seen(STANDING, at_s)))
+        answered(follower, people(at_s, "base_link", eve=from_robot(STANDING, at_s)))
         if k < 3:
             continue
         walking = np.array([8.0 - late_s + 100.0, 3.0, 0.0])
-        answers = answered(follower, people(late_s, "base_link", bob=seen(walking, late_s)))
+        answers = answered(follower, people(late_s, "base_link", bob=from_robot(walking, late_s)))
         told = {one["name"]: one["velocity"]["x"] for one in answers["predictions/people"]["people"]}
         assert told.keys() == {"eve", "bob"}
         if k > 10:
@@ -265,7 +220,7 @@ def test_people_wait_for_the_transform_of_their_time():
     follower = follower_of(transform_timeout_s=0.2)
     follower.transforms_came(transforms(transform("map", "base_link", *robot(100.0), 100.0)), 100.0, False)
     follower.transforms_came(transforms(transform("map", "base_link", *robot(100.1), 100.1)), 100.1, False)
-    assert answered(follower, people(100.2, "base_link", eve=seen(STANDING, 100.2)), 0.0) == {}
+    assert answered(follower, people(100.2, "base_link", eve=from_robot(STANDING, 100.2)), 0.0) == {}
     follower.transforms_came(transforms(transform("map", "base_link", *robot(100.3), 100.3)), 100.3, False)
     (first, *_) = follower.answers(0.1)
     x, y = rows_of(first.content)[["x", "y"]][0]
@@ -301,7 +256,7 @@ def test_the_wait_for_a_transform_is_part_of_the_latency():
 
 def test_people_without_a_stamp_are_of_the_time_when_they_came_however_long_nobody_read_them():
     """Else people of a queue that is read at once seem to run."""
-    follower, xs = follower_of(), []
+    follower, xs = follower_of(max_wait_s=2.0), []
     for k in range(20):
         waited_s = 0.1 * max(15 - k, 0) if k >= 5 else 0.0  # read when the fifteenth has come
         read_ns = round((50.0 + 0.1 * k + waited_s) * 1e9)
@@ -449,11 +404,6 @@ def test_a_map_without_a_frame_silences_nobody(caplog):
 def test_an_update_changes_its_cells_of_the_map_and_no_others(yaw_rad):
     """As if the map had come whole, also where it is turned; one that does not fit changes nothing."""
     cells = np.zeros((6, 8), np.int8)
-    turn = {"z": float(np.sin(yaw_rad / 2)), "w": float(np.cos(yaw_rad / 2))}
-    info = {"resolution": 0.5, "width": 8, "height": 6, "origin": {"orientation": turn}}
-
-    def grid(cells):
-        return serialize(GRID, {"header": header(0, "map"), "info": info, "data": cells.ravel()})
 
     def update(x, y, values, frame="map"):
         sizes = {"x": x, "y": y, "width": values.shape[1], "height": values.shape[0]}
@@ -466,10 +416,10 @@ def test_an_update_changes_its_cells_of_the_map_and_no_others(yaw_rad):
     )
     follower.map_update_came(update(0, 0, part))
     assert follower.occupancy is None
-    follower.map_came(grid(cells))
+    follower.map_came(grid(cells, yaw_rad))
     follower.map_update_came(update(4, 1, part))
     cells[1:3, 4:7] = 100
-    plain.map_came(grid(cells))
+    plain.map_came(grid(cells, yaw_rad))
     np.testing.assert_array_equal(follower.occupancy.occupied, plain.occupancy.occupied)
     wrong = update(6, 1, part), update(0, 5, part), update(-1, 0, part), update(0, 0, part, "odom")
     for odd in (*wrong, update(0, 0, 0 * part - 100)):
@@ -479,7 +429,7 @@ def test_an_update_changes_its_cells_of_the_map_and_no_others(yaw_rad):
     before = follower.occupancy
     follower.map_update_came(update(4, 1, part - 1))
     assert follower.occupancy is before  # what blocks is the same
-    follower.map_came(grid(0 * cells))  # the same bytes as at first
+    follower.map_came(grid(0 * cells, yaw_rad))  # the same bytes as at first
     assert not follower.occupancy.occupied.any()
 
 

@@ -16,7 +16,8 @@ from pedpred.ros2.grounds import Grounds
 from pedpred.ros2.settings import NodeSettings
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
 from pedpred.scenes.occupancy import FARTHEST_M
-from tests.test_ros_follower import GRID, answered, follower_of, people
+from tests.bags import GRID
+from tests.following import answered, follower_of, people
 
 MAP = OccupancyMap(np.zeros((30, 30), bool), np.array([-1.0, -1.0]), 0.2)
 

@@ -19,7 +19,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from pedpred.ros.message_types import known_types, serialize
 from pedpred.ros.planning import ROW
@@ -27,9 +26,12 @@ from pedpred.ros.scene_messages import header, seconds
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE
 from pedpred.ros2.follower import UPDATE_TYPE
 from pedpred.ros2.outputs import MARKERS_TYPE, PEOPLE_TYPE, TEXT_TYPE
-from tests.test_ros_follower import people as people_bytes
-from tests.test_ros_follower import transform as pose
-from tests.test_ros_follower import transforms as transforms_bytes
+from tests.bags import GRID, TF
+from tests.following import grid
+from tests.following import people as people_bytes
+from tests.following import transform as pose
+from tests.following import transforms as transforms_bytes
+from tests.robots import CAMERA, ODOM, SPEED, STANDING, WALKING, from_camera, robot
 
 ROOT = Path(__file__).parents[1]
 if not os.environ.get("PEDPRED_REQUIRE_ROS"):
@@ -40,11 +42,10 @@ if not PYTHON.exists():
     PYTHON = Path(sys.executable)
 
 PEER, PACKAGES = ROOT / "tests/ros_packages/peer.py", ROOT / "tests/ros_packages"
-CLOUD, GRID, TF = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/OccupancyGrid", "tf2_msgs/msg/TFMessage"
+CLOUD = "sensor_msgs/msg/PointCloud2"
 AGENTS = "pedsim_msgs/msg/AgentStates"
 CLOCK, POSES = "rosgraph_msgs/msg/Clock", "geometry_msgs/msg/PoseArray"
 LIMIT_S, COMPILING_S = 180, 600
-STANDING, WALKING, SPEED = np.array([3.0, 2.0, 0.0]), np.array([6.0, -1.0, 0.0]), np.array([-1.0, 0.4, 0.0])
 _domains = count(20 + 30 * int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]))
 
 
@@ -182,28 +183,11 @@ def room(yaw_rad=0.0, frame="map"):
     """10 x 6 m with a wall at its left edge, turned about its corner at (-1, -3)."""
     cells = np.zeros((60, 100), np.int8)
     cells[:, :3] = 100
-    turn = {"z": float(np.sin(yaw_rad / 2)), "w": float(np.cos(yaw_rad / 2))}
-    origin = {"position": {"x": -1.0, "y": -3.0}, "orientation": turn}
-    info = {"resolution": 0.1, "width": 100, "height": 60, "origin": origin}
-    return serialize(GRID, {"header": header(0, frame), "info": info, "data": cells.ravel()}).hex()
+    return grid(cells, yaw_rad, frame, resolution=0.1, position={"x": -1.0, "y": -3.0}).hex()
 
 
 def rows_of(cloud):
     return np.frombuffer(cloud.data.tobytes(), ROW)
-
-
-CAMERA = Rotation.from_euler("xyz", [-np.pi / 2, 0.0, -np.pi / 2]), np.array([0.2, 0.1, 1.1])
-ODOM = Rotation.from_euler("z", 0.7), np.array([-4.0, 1.5, 0.0])
-
-
-def robot(time_s):
-    return Rotation.from_euler("z", 0.4 * time_s), np.array([0.8 * time_s, 0.3 * np.sin(time_s), 0.0])
-
-
-def seen(place, time_s):
-    """A place of the frame odom as the camera of the robot sees it."""
-    turn, offset = robot(time_s)
-    return CAMERA[0].inv().apply(turn.inv().apply(place - offset) - CAMERA[1])
 
 
 def test_people_of_a_robot_that_drives_and_turns(place):
@@ -220,7 +204,7 @@ def test_people_of_a_robot_that_drives_and_turns(place):
         send.append((1.0 + at_s, 1, transforms(pose("odom", "base_link", *robot(at_s), start_s + at_s))))
     for k in range(frames):
         at_s = k / 10
-        both = {"anna": seen(STANDING, at_s), "7": seen(WALKING + at_s * SPEED, at_s)}
+        both = {"anna": from_camera(STANDING, at_s), "7": from_camera(WALKING + at_s * SPEED, at_s)}
         send.append((0.995 + at_s, 0, people(start_s + at_s, "camera", **both)))
         send.append((1.0 + at_s, 4, clock(start_s + at_s)))
     publish = [("/robot/detections", PEOPLE_TYPE, "bv"), ("/tf", TF, "rv"), ("/tf_static", TF, "rt")]

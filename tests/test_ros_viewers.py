@@ -15,7 +15,7 @@ from pedpred.ros.message_types import known_types, serialize
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE
 from pedpred.ros2.outputs import MARKERS_TYPE, PEOPLE_TYPE, output_types
 from pedpred.ros2.settings import NodeSettings
-from tests.test_ros_follower import answered, follower_of, people
+from tests.following import answered, follower_of, people
 
 SHARE = Path(__file__).parents[1] / "build/ros/share"
 CLOUD, FIELD, GRID = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/PointField", "nav_msgs/msg/OccupancyGrid"

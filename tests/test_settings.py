@@ -253,7 +253,16 @@ def test_a_folder_that_is_read_only_is_named_without_a_traceback(monkeypatch):
     refused = PermissionError(errno.EACCES, "Permission denied", "data/config.checked")
     monkeypatch.setattr("pedpred.config.main", Mock(side_effect=refused))
     with pytest.raises(SystemExit, match=r"'data/config\.checked'\. Nothing half-written was kept"):
-        main()
+        main([])
+
+
+def test_a_value_on_the_command_line_is_refused_and_the_right_way_named(capsys, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    with pytest.raises(SystemExit):
+        main(["features.beams=5"])
+    error = capsys.readouterr().err
+    assert "features.beams=5" in error
+    assert "dvc exp run -S KEY=VALUE" in error
 
 
 def test_an_edit_under_conf_without_make_params_ends_the_stage(tmp_path, monkeypatch):
@@ -264,7 +273,7 @@ def test_an_edit_under_conf_without_make_params_ends_the_stage(tmp_path, monkeyp
     edited = Path("conf/simulations/rooms.yaml")
     edited.write_text(edited.read_text().replace("pedestrians: 10", "pedestrians: 11"))
     with pytest.raises(SystemExit, match=r"-    pedestrians: 10\n\+    pedestrians: 11(.|\n)*make params"):
-        main()
+        main([])
     assert not Path(STAMP).exists()
 
 

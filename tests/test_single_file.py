@@ -1,6 +1,5 @@
 """Recordings in single files: TrajNet++, texts and tables, and clocks that count something else."""
 
-import json
 import logging
 
 import numpy as np
@@ -14,42 +13,30 @@ from pedpred.sources.single_file import read_file
 from pedpred.sources.trajnet import read_ndjson
 from pedpred.storage.scenes import read_scene
 from pedpred.tables.options import TableOptions
+from tests.field_formats import trajnet_scene, write_trajnet
 from tests.scenes import assert_same
 
 ROWS = [(k, who, 0.5 * k + who, -0.25 * k) for k in range(5) for who in (3, 7)]
 TRACKS = Trajectories([0.5 * k for k, *_ in ROWS], [r[1] for r in ROWS], [r[2:] for r in ROWS])
-SCENE = {"scene": {"id": 0, "p": 3, "s": 0, "e": 24, "fps": 2.0}}
+SCENE = trajnet_scene(2.0)
 
 
-def write_ndjson(path, rows=ROWS, scenes=(SCENE,)):
-    """Every sixth frame was annotated, twice a second."""
-    tracks = [{"track": {"f": 6 * k, "p": who, "x": x, "y": y}} for k, who, x, y in rows]
-    path.write_text("\n".join(json.dumps(content) for content in (*scenes, *tracks)))
-    return path
-
-
-def test_trajnet_is_read(tmp_path):
-    path = write_ndjson(tmp_path / "walk.ndjson")
+def test_a_rate_may_stand_for_the_scenes_of_trajnet(tmp_path):
+    path = write_trajnet(tmp_path, ROWS, 2.0)
     assert_same(read_ndjson(path), TRACKS)
-    assert_same(read_ndjson(write_ndjson(path, scenes=()), TableOptions(rate_hz=12.0)), TRACKS)
-    assert read_file(write_ndjson(path)).detection_dt_s == 0.5
+    path.write_text(path.read_text().replace(SCENE, ""))
+    assert_same(read_ndjson(path, TableOptions(rate_hz=12.0)), TRACKS)
 
 
 @pytest.mark.parametrize("nowhere", ["NaN", "null"])
 def test_trajnet_may_miss_positions(tmp_path, nowhere, caplog):
-    path = write_ndjson(tmp_path / "walk.ndjson")
+    path = write_trajnet(tmp_path, ROWS, 2.0)
     whole = read_ndjson(path)
     lost = f'{{"track": {{"f": 900, "p": 3, "x": {nowhere}, "y": {nowhere}}}}}'
-    path.write_text(path.read_text().rstrip() + f"\n{lost}\n")
+    path.write_text(f"{path.read_text()}{lost}\n")
     with caplog.at_level(logging.WARNING):
         np.testing.assert_array_equal(read_ndjson(path).position, whole.position)
     assert "rows without a position are missing detections" in caplog.text
-
-
-def test_a_detection_of_trajnet_that_is_written_twice_counts_once(tmp_path, caplog):
-    path = write_ndjson(tmp_path / "walk.ndjson", [*ROWS, ROWS[1]])
-    assert_same(read_ndjson(path), TRACKS)
-    assert "rows that repeat another one are left out: 1 row" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -63,13 +50,13 @@ def test_a_detection_of_trajnet_that_is_written_twice_counts_once(tmp_path, capl
         ('"x": 3.5', '"prediction_number": 0, "x": 3.5', "line 4: a forecast"),
         ('{"track": {"f": 6, "p": 3', '["track", {"f": 6, "p": 3', "line 4: JSONDecodeError"),
         ('"fps": 2.0', '"fps": 0', r"fps of the scenes: 0.*--rate"),
-        (json.dumps(SCENE), "[1, 2]", r"line 1: \[1, 2\] where an object is expected.*TrajNet"),
-        (json.dumps(SCENE), '{"scene": 3}', "line 1: 3 where an object is expected.*TrajNet"),
-        (json.dumps(SCENE), "", r"fps of the scenes: none.*--rate"),
+        (SCENE, "[1, 2]", r"line 1: \[1, 2\] where an object is expected.*TrajNet"),
+        (SCENE, '{"scene": 3}', "line 1: 3 where an object is expected.*TrajNet"),
+        (SCENE, "", r"fps of the scenes: none.*--rate"),
     ],
 )
 def test_what_is_wrong_with_trajnet_is_said(tmp_path, old, new, named):
-    path = write_ndjson(tmp_path / "walk.ndjson")
+    path = write_trajnet(tmp_path, ROWS, 2.0)
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(SourceError, match=named):
@@ -93,7 +80,7 @@ def test_a_clock_that_does_not_count_seconds_is_recognised(tmp_path, factor, uni
 
 
 def test_the_clock_of_a_folder_of_ones_own_is_checked_too(tmp_path):
-    main(["convert", str(write_ndjson(tmp_path / "walk.ndjson")), "-o", str(tmp_path / "own")])
+    main(["convert", str(write_trajnet(tmp_path, ROWS, 2.0)), "-o", str(tmp_path / "own")])
     assert read_folder(tmp_path / "own", "mine", {}).name == "mine"
     (tmp_path / "own/tracks.parquet").unlink()
     write_table(tmp_path / "own/tracks.csv", [(500 * k, *rest) for k, *rest in ROWS])
@@ -145,7 +132,7 @@ def test_the_command_takes_columns_and_a_rate(tmp_path):
 
 def test_a_folder_with_a_table_is_not_converted_into_itself(tmp_path):
     """Otherwise later corrections of the table would lose against what was converted."""
-    main(["convert", str(write_ndjson(tmp_path / "walk.ndjson")), "-o", str(tmp_path / "own")])
+    main(["convert", str(write_trajnet(tmp_path, ROWS, 2.0)), "-o", str(tmp_path / "own")])
     (tmp_path / "own/tracks.parquet").unlink()
     write_table(tmp_path / "own/tracks.csv", [(k / 2, *rest) for k, *rest in ROWS])
     before = {path.name: path.read_bytes() for path in (tmp_path / "own").iterdir()}
@@ -177,13 +164,12 @@ def test_a_folder_with_a_dot_in_its_name_is_told_so(tmp_path):
         main(["convert", "examples/crossing/tracks.csv", "-o", str(tmp_path / "hall.v2")])
 
 
-def test_every_format_bounds_what_it_reads(tmp_path, monkeypatch):
+def test_every_table_bounds_what_it_reads(tmp_path, monkeypatch):
     monkeypatch.setattr("pedpred.tables.text.MOST_NUMBERS", 20)
     write_table(tmp_path / "walk.csv", [(k / 2, *rest) for k, *rest in ROWS])
     (tmp_path / "walk.tsv").write_text((tmp_path / "walk.csv").read_text())
     (tmp_path / "walk.txt").write_text("\n".join(f"{who} {k} {x} {y}" for k, who, x, y in ROWS))
-    write_ndjson(tmp_path / "walk.ndjson")
-    for suffix in (".csv", ".tsv", ".txt", ".ndjson"):
+    for suffix in (".csv", ".tsv", ".txt"):
         with pytest.raises(SourceError, match="more than 4 rows"):
             read_file(tmp_path / f"walk{suffix}", TableOptions(rate_hz=2.0))
 

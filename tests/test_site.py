@@ -60,3 +60,12 @@ def test_no_page_needs_sideways_scrolling(browser, site, name):
         assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert problems == []
     page.context.close()
+
+
+def test_an_equation_within_a_sentence_stays_within_its_paragraph(browser, site):
+    """Also at the start of a line."""
+    page, _ = opened(browser, site / "method.html")
+    inline = "[...document.querySelectorAll('math:not([display=block])')]"
+    assert page.evaluate(f"{inline}.length") > 20
+    assert page.evaluate(f"{inline}.filter((one) => !one.closest('p, li, td')).length") == 0
+    page.context.close()

@@ -366,16 +366,11 @@ def test_parts_that_are_zero_may_be_left_out(day, start_s, form, tmp_path):
     np.testing.assert_allclose(found, midnight_s + np.array(times_s), rtol=0, atol=1e-6)
 
 
-def test_times_of_day_without_a_header_are_times(tmp_path):
-    path = write(tmp_path, [], [(f"14:02:{t:06.3f}", *row) for t, *row in WALK])
-    with pytest.raises(SourceError, match=r"'14:02:00.000' is a time.*--columns time,id,x,y"):
-        tracks(path)
-
-
-def test_dates_without_a_header_are_told_how_to_name_columns(tmp_path):
-    path = write(tmp_path, [], [(f"2024-03-05T14:02:{t:06.3f}", *row) for t, *row in WALK])
-    with pytest.raises(SourceError, match=r"'2024-03-05T14:02:00.000' is a time.*--columns time,id,x,y"):
-        tracks(path, rate_hz=4.0)
+@pytest.mark.parametrize(("day", "rate_hz"), [("", None), ("2024-03-05T", 4.0)])
+def test_times_without_a_header_are_told_how_to_name_columns(tmp_path, day, rate_hz):
+    path = write(tmp_path, [], [(f"{day}14:02:{t:06.3f}", *row) for t, *row in WALK])
+    with pytest.raises(SourceError, match=rf"'{day}14:02:00.000' is a time.*--columns time,id,x,y"):
+        tracks(path, rate_hz=rate_hz)
     assert len(tracks(path, columns=("time", "id", "x", "y"))) == len(WALK)
 
 

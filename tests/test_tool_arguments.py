@@ -12,7 +12,7 @@ from tests.conftest import ROOT
 from tools import arguments
 
 WITHOUT = ("tools.branches", "tools.mend_lock", "tools.prose", "benchmarks.beside", "benchmarks.growth")
-PARSES = ("ArgumentParser(", "no_arguments(", "sys.argv")
+PARSES = ("ArgumentParser(", "table_parser(", "no_arguments(", "sys.argv")
 
 
 def ended(monkeypatch, module, *arguments):

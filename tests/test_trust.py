@@ -271,5 +271,5 @@ def test_velocities_on_a_robot_lead_to_the_point_forecast(mixture):
     for forecast in replay_scene(come_again(scene, 60.0), predictor):
         steps = np.diff(forecast.position, axis=1)
         np.testing.assert_allclose(forecast.velocity[:, 1:] * forecast.dt_s, steps, atol=1e-4)
-        moved = moved or bool(predictor._trust.weights.any())
+        moved = moved or bool(predictor._place.trust.weights.any())
     assert moved

@@ -13,7 +13,7 @@ import json
 import logging
 import subprocess
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -24,7 +24,7 @@ from dvc.repo import Repo
 from dvc.scm import SCMError
 from tqdm import tqdm
 
-from pedpred.config import composed, config_errors, plain, read_params
+from pedpred.config import composed, config_errors, one_of, plain, read_params
 from pedpred.errors import ConfigError
 from pedpred.files import check_output, write_json, write_text
 from pedpred.plain import parse_yaml
@@ -141,17 +141,6 @@ def learning(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dic
     }
 
 
-def _points_of(ablation: Ablation, point: str) -> Sequence[str]:
-    """The overrides of a point.
-
-    Raises:
-        ConfigError: there is no such point.
-    """
-    if point not in ablation.points:
-        raise ConfigError("point", point, f"choose one of {', '.join(ablation.points)}")
-    return ablation.points[point]
-
-
 def check_points(ablation: Ablation, conf: Path) -> None:
     """Check that each point can be composed and has the methods that are shown, before any of them runs.
 
@@ -180,7 +169,8 @@ def main() -> None:
     in_project(Path())
     ablation = read_ablation(Path("conf/ablations") / f"{options.name}.yaml")
     if options.point:
-        ablation = replace(ablation, points={point: _points_of(ablation, point) for point in options.point})
+        points = {point: one_of("point", point, ablation.points) for point in options.point}
+        ablation = replace(ablation, points=points)
     out = options.out or Path("build/ablations" if options.point else "reports/ablations")
     check_output(out, folder=True)
     check_points(ablation, Path("conf"))

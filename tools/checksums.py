@@ -1,4 +1,4 @@
-"""Checksums of what the pipeline makes, by names that a move of files or columns does not change.
+"""Checksums of what the pipeline makes, part by part.
 
 `python -m tools.checksums FOLDER` prints one line per table, tensor or graph below a project folder that has
 been reproduced; `--against FILE` compares them with the lines in a file, and fails when some differ or are
@@ -25,18 +25,10 @@ from safetensors.numpy import load_file
 from pedpred.errors import FileError, user_errors
 from pedpred.files import translate_errors
 
-RENAMED = (
-    (
-        r"^data/forecasts/(\w+)/(\w+)/(\w+)/(\w+)\.parquet (point|modes|weight|covariance)_",
-        r"forecasts \1 \2 \4 \5_",
-    ),
-    (r"^data/forecasts/(\w+)/(\w+)/(\w+)\.parquet ", r"forecasts \1 \2 \3 "),
-)
-"""Pattern of a name -> what takes its place; the first one that fits counts."""
 FIGURES = "reports/metrics"
 """Folder of the metric files."""
-IGNORED = r"config\.checked|data/raw|manifest\.json|about\.json|model\.json|forecasts .* (grid|angular_grid)$"
-"""What describes results, and what only pictures show."""
+IGNORED = r"config\.checked|data/raw|manifest\.json|about\.json|model\.json"
+"""What describes results."""
 _DIGITS = 16
 _LINE = re.compile(rf"[0-9a-f]{{{_DIGITS}}} .+")
 
@@ -52,7 +44,7 @@ def checksums(root: Path) -> dict[str, str]:
         for path in sorted((root / folder).rglob("*")):
             if path.is_file():
                 for part, digest in parts_of(path, figures=folder == FIGURES):
-                    name = renamed(f"{path.relative_to(root)} {part}".strip())
+                    name = f"{path.relative_to(root)} {part}".strip()
                     if not re.search(IGNORED, name):
                         digests[name] = digest
     if not digests:
@@ -78,15 +70,7 @@ def listed(path: Path) -> dict[str, str]:
     return {name: digest for digest, _, name in (line.partition(" ") for line in lines)}
 
 
-def renamed(name: str) -> str:
-    """A name under which results before and after a move are the same."""
-    for pattern, other in RENAMED:
-        if re.search(pattern, name):
-            return re.sub(pattern, other, name)
-    return name
-
-
-def parts_of(path: Path, figures: bool = False) -> Iterator[tuple[str, str]]:
+def parts_of(path: Path, figures: bool) -> Iterator[tuple[str, str]]:
     """Parts of a file with their checksums: columns, tensors, figures of a metric file, or the whole."""
     if path.suffix == ".parquet":
         table = pq.read_table(path)

@@ -62,13 +62,11 @@ class Fit:
         forces: fitted values by name.
         start_m: average displacement error with the parameters that the search started from.
         reached_m: the same with the fitted ones.
-        trials: how many parameter sets were rolled out.
     """
 
     forces: dict[str, float]
     start_m: float
     reached_m: float
-    trials: int
 
 
 def fit_forces(
@@ -95,6 +93,8 @@ def fit_forces(
     if len(truth) != len(asked):
         raise ShapeError("truth", truth.shape, f"[{len(asked)}, P, 2]")
     first = np.array([getattr(model.forces, name) for name in FITTED])
+    first_log = np.log(first)
+    simplex = np.vstack([first_log, first_log + np.log(2.0) * np.eye(len(first))])  # twice each value
 
     def error_m(logarithms: np.ndarray) -> float:
         values = dict(zip(FITTED, np.exp(logarithms).tolist(), strict=True))
@@ -105,7 +105,7 @@ def fit_forces(
     low = np.where([name.startswith("group_") for name in FITTED], _GROUP_LEAST, 1.0 / _SPAN)
     result = minimize(
         error_m,
-        np.log(first),
+        first_log,
         method="Nelder-Mead",
         bounds=np.log(np.stack([first * low, first * _SPAN], axis=1)),
         options={
@@ -113,16 +113,11 @@ def fit_forces(
             "xatol": 1e-2,
             "fatol": 1e-5,
             "adaptive": True,
-            "initial_simplex": _simplex(np.log(first)),
+            "initial_simplex": simplex,
         },
     )
     forces = dict(zip(FITTED, np.exp(result.x).tolist(), strict=True))
-    return Fit(forces, error_m(np.log(first)), float(result.fun), int(result.nfev))
-
-
-def _simplex(center: np.ndarray) -> np.ndarray:
-    """Make a simplex that tries twice the value of each parameter."""
-    return np.vstack([center, center + np.log(2.0) * np.eye(len(center))])
+    return Fit(forces, error_m(first_log), float(result.fun))
 
 
 def fit_place(place: str, model: SocialForceSettings, trials: int) -> Fit:

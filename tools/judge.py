@@ -11,16 +11,13 @@ folder, or a revision of this one, fails when this one is worse beyond the inter
 
 from __future__ import annotations
 
-import os
+from tools.programs import compute_in_one_thread, git
 
 if __name__ == "__main__":  # before numpy is loaded: latencies are those of one thread
-    os.environ.update(
-        OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1", NUMBA_NUM_THREADS="1"
-    )
+    compute_in_one_thread()
 
 import argparse
 import logging
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -52,15 +49,14 @@ def folder_at(revision: str, folder: Path, scratch: Path) -> Path | None:
     """
     if revision and Path(revision).exists():
         return Path(revision)
-    commit = f"{revision}^{{commit}}"
-    verify = ["git", "-C", str(folder), "rev-parse", "--verify", "--end-of-options", commit]
-    known = subprocess.run(verify, capture_output=True, text=True, check=False)  # noqa: S603, a list, no shell
+    at = ("-C", str(folder))
+    known = git(*at, "rev-parse", "--verify", "--end-of-options", f"{revision}^{{commit}}")
     if known.returncode and revision != "HEAD":
         rule = "there is no such folder, and git knows no such revision"
-        raise ValueRuleError("against", revision, f"{rule} ({known.stderr.strip()})")
+        why = known.stderr.decode(errors="replace").strip()
+        raise ValueRuleError("against", revision, f"{rule} ({why})")
     for name in (GRAPH, ABOUT):
-        command = ["git", "-C", str(folder), "show", "--end-of-options", f"{revision}:./{name}"]
-        done = subprocess.run(command, capture_output=True, check=False)  # noqa: S603, a list, no shell
+        done = git(*at, "show", "--end-of-options", f"{revision}:./{name}")
         if done.returncode:
             why = done.stderr.decode(errors="replace").strip()
             sys.stdout.write(f"{revision} has no {folder / name}, so nothing is compared ({why})\n")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,18 +14,19 @@ from pedpred.command.prediction import robot_for
 from pedpred.config import LOCK, plain, row
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
 from pedpred.features.perception import sensed
-from pedpred.fields import parsed
+from pedpred.fields import parsed, parsed_each
 from pedpred.online.assessment import NETWORK, assess
 from pedpred.online.network import read_origin
 from pedpred.report.comparison import metrics_at, metrics_now
+from pedpred.report.rows import PromiseRow
 from pedpred.scenes import Scene
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
+from tools.programs import git
 from tools.verdicts import (
     ROOMS,
     SENSED,
     TRUE_STATES,
-    Promise,
     Verdict,
     below,
     latency_verdicts,
@@ -54,9 +54,7 @@ def scores_in(
 
 def _git(*arguments: str) -> str:
     """What git says; nothing if it fails."""
-    command = ["git", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603, a list, no shell
-    return done.stdout.strip()
+    return git(*arguments).stdout.decode().strip()
 
 
 def exports(lock: str) -> dict[str, str]:
@@ -101,9 +99,7 @@ class Judgement:
         self.origin = read_origin(folder)
         resampling = {key: params.comparison[key] for key in ("bootstrap", "seed")}
         self.settings = parsed(EvaluationSettings, plain(params.evaluation) | resampling)
-        self.promises = {
-            place: Promise(**promised) for place, promised in plain(params.online.promises).items()
-        }
+        self.promises = parsed_each(PromiseRow, plain(params.online.promises))
 
     def places(self) -> dict[str, Path]:
         """Name -> scene of each real place that is available."""

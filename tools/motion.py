@@ -21,8 +21,8 @@ from pedpred.fields import parsed
 from pedpred.scenes import Scene
 from pedpred.simulation.worlds import DRAWN_KINDS, WorldSettings, simulate_world
 from pedpred.tracking.tracks import births
-from tools.arguments import count, positive
-from tools.places import recordings
+from tools.arguments import count
+from tools.places import add_recordings, recordings
 
 _STEP_S = 0.2
 _AVERAGED, _ACROSS, _SECOND, _AHEAD = 6, 4, 5, 15  # of 0.2 s: means, velocities, one second, three seconds
@@ -89,8 +89,7 @@ def _mean(values: np.ndarray) -> float:
 def main() -> None:
     """Print a row per recording and per kind of world."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
-    parser.add_argument("recording", nargs="*", type=Path, help="any file that `pedpred evaluate` reads")
-    parser.add_argument("--rate", type=positive, help="frames per second, where files count frames, Hz")
+    add_recordings(parser)
     parser.add_argument("--worlds", type=count, default=12, help="of each kind (default: %(default)s)")
     arguments = parser.parse_args()
     worlds = parsed(WorldSettings, part(read_params(Path()), "worlds"))

@@ -14,6 +14,7 @@ from pedpred.errors import ConfigError, FileError, ValueRuleError
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.tables.options import TableOptions
+from tools.arguments import positive
 
 REAL = Path("data/scenes/real")
 
@@ -28,6 +29,12 @@ def recording(place: str) -> Scene:
     if instead := scene.unavailable or scene.stand_in:
         raise ConfigError(f"places.{place}", place, instead)
     return scene
+
+
+def add_recordings(parser: argparse.ArgumentParser) -> None:
+    """Add the options that `recordings` takes."""
+    parser.add_argument("recording", nargs="*", type=Path, help="any file that `pedpred evaluate` reads")
+    parser.add_argument("--rate", type=positive, help="frames per second, where files count frames, Hz")
 
 
 def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[Scene]:
@@ -56,15 +63,12 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
         yield scene
     if files:
         return
-    places = [folder for folder in _folders() if read_scene(folder).unavailable is None]
+    folders = scene_folders(REAL) if REAL.exists() else []
+    places = [folder for folder in folders if read_scene(folder).unavailable is None]
     if not places:
         remedy = "`python -m tools.recordings` says how to get recordings; then run `dvc repro ingest`"
         raise FileError(REAL, "", "no recording is here", f"{remedy}. Or name files")
     yield from map(read_any, places)
-
-
-def _folders() -> list[Path]:
-    return scene_folders(REAL) if REAL.exists() else []
 
 
 @config_errors()

@@ -1,8 +1,9 @@
-"""The programs that tools start."""
+"""The programs that tools start, and their own process."""
 
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -15,3 +16,15 @@ def beside_python() -> dict[str, str]:
     return os.environ | {
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
     }
+
+
+def git(*arguments: str) -> subprocess.CompletedProcess[bytes]:
+    """Run a git command; return what it says, and how it ended."""
+    command = ["git", *arguments]
+    return subprocess.run(command, capture_output=True, check=False)  # noqa: S603, a list, no shell
+
+
+def compute_in_one_thread() -> None:
+    """Let numpy and the like start no threads, if they have not been imported yet."""
+    libraries = ("OMP", "OPENBLAS", "MKL", "NUMBA")
+    os.environ |= {f"{library}_NUM_THREADS": "1" for library in libraries}

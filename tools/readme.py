@@ -11,17 +11,18 @@ import argparse
 import logging
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pedpred.config import config_errors, plain, read_params
 from pedpred.errors import StorageError
-from pedpred.files import atomic_write, read_json
+from pedpred.files import read_json, write_text
 from pedpred.report.comparison import metrics_now
+from pedpred.report.document import markdown_table
 from pedpred.report.literature import literature_tables
-from pedpred.report.methods import Methods
+from pedpred.report.methods import Method, Methods
 
 Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
 """Place -> method -> metrics, as in reports/metrics."""
@@ -59,10 +60,8 @@ def unseen_table(studies: Mapping[str, Figures], methods: Methods) -> str:
     best, every, tables = _lowest(studies, rows), list(studies["real"]), []
     for first in range(0, len(every), _MOST_COLUMNS):
         places = every[first : first + _MOST_COLUMNS]
-        lines = [_line(["ADE over 3 s, m", *map(_words, places)]), _rule(len(places))]
-        for label, _, metrics in rows:
-            lines.append(_line([label, *(_cell(metrics, place, best) for place in places)]))
-        tables.append("\n".join(lines))
+        body = [[label, *(_cell(metrics, place, best) for place in places)] for label, _, metrics in rows]
+        tables.append(markdown_table(["ADE over 3 s, m", *map(_words, places)], body))
     return "\n\n".join(tables)
 
 
@@ -74,11 +73,11 @@ def places_table(studies: Mapping[str, Figures], methods: Methods) -> str:
     shown += [f"{label}, {_TRAININGS['real']}" for label in (methods.networks[0].label, main)]
     shown.append(f"{main}, {_TRAININGS['transfer']}")
     columns = {label: metrics for label, _, metrics in rows if label in shown}
-    lines = [_line(["ADE over 3 s, m", *columns]), _rule(len(columns))]
-    for place in studies["real"]:
-        cells = (_cell(metrics, place, best) for metrics in columns.values())
-        lines.append(_line([_words(place), *cells]))
-    return "\n".join(lines)
+    body = [
+        [_words(place), *(_cell(metrics, place, best) for metrics in columns.values())]
+        for place in studies["real"]
+    ]
+    return markdown_table(["ADE over 3 s, m", *columns], body)
 
 
 def _cell(metrics: Mapping[str, Any], place: str, best: Mapping[str, float]) -> str:
@@ -108,8 +107,7 @@ def main_table(studies: Mapping[str, Figures], methods: Methods) -> str:
     """Make the table of the main method at every unseen place."""
     main = _main(studies, methods)
     titles = ["ADE, m", "FDE, m", "ADE of the best of 6 modes, m", "NLL, nats", "90 % region holds at 3 s"]
-    lines = [_line([f"{main.label}, unseen place", "training", "windows", *titles])]
-    lines.append(_rule(len(titles) + 2))
+    body = []
     for place in studies["real"]:
         for study, training in _TRAININGS.items():
             metrics = studies[study].get(place, {}).get(main.key)
@@ -123,17 +121,17 @@ def main_table(studies: Mapping[str, Figures], methods: Methods) -> str:
                 _plain(metrics, "nll"),
             ]
             cells.append(f"{100 * held[-1]:.0f} %" if held else "-")
-            lines.append(_line([_words(place), training, str(metrics["windows"]), *cells]))
-    return "\n".join(lines)
+            body.append([_words(place), training, str(metrics["windows"]), *cells])
+    return markdown_table([f"{main.label}, unseen place", "training", "windows", *titles], body)
 
 
-def _main(studies: Mapping[str, Figures], methods: Methods) -> Any:
+def _main(studies: Mapping[str, Figures], methods: Methods) -> Method:
     """Return the last network that has figures at every place."""
     has = [row for row in methods.networks if all(row.key in metrics for metrics in studies["real"].values())]
     return has[-1]
 
 
-def _rows(studies: Mapping[str, Figures], methods: Methods) -> Any:
+def _rows(studies: Mapping[str, Figures], methods: Methods) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     """Yield label, role and figures by place; a network has a row per training."""
     for method in methods:
         if method.role == "ablation":
@@ -159,14 +157,6 @@ def _words(place: str) -> str:
     return place.replace("_", " ")
 
 
-def _line(cells: list[str]) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
-def _rule(columns: int) -> str:
-    return f"| --- |{' ---: |' * columns}"
-
-
 def pages(root: Path) -> dict[Path, str]:
     """Return the pages with marks and their up-to-date text; none where a tested place has no figures.
 
@@ -186,9 +176,8 @@ def pages(root: Path) -> dict[Path, str]:
     ours_and_theirs = (
         literature_tables(literature, params["report"]["published"], methods) if literature else {}
     )
-    tables = tables_from(studies, methods) | {
-        **{name: table.markdown("") for name, table in ours_and_theirs.items()},
-    }
+    tables = tables_from(studies, methods)
+    tables |= {name: table.markdown("") for name, table in ours_and_theirs.items()}
     files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
     return {path: filled(text, tables) for path in files if _MARKED.search(text := path.read_text())}
 
@@ -212,8 +201,7 @@ def main() -> None:
     if check and stale:
         raise SystemExit(f"run `make readme`: out of date are {', '.join(map(str, stale))}")
     for path, text in stale.items():
-        with atomic_write(path) as new:
-            new.write_text(text)
+        write_text(path, text)
         sys.stdout.write(f"{path}\n")
 
 

@@ -130,4 +130,4 @@ def _mathml(equation: re.Match[str]) -> str:
     """Return an equation as MathML."""
     if equation[1]:
         return f'<div class="equation">{convert(equation[1].strip(), display="block")}</div>'
-    return str(convert(equation[2]))
+    return f"<span>{convert(equation[2])}</span>"  # at the start of a line, <math> would be a block

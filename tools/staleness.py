@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 
 from pedpred.config import SHARED, plain, read_params
 from pedpred.errors import FileError, ValueRuleError, user_errors
-from pedpred.files import atomic_write
+from pedpred.files import write_text
 from pedpred.report.canvas import FAINT, INK, blank, styled, write_png
 from tools.arguments import in_project
 from tools.readme import filled
@@ -223,9 +223,7 @@ def main() -> None:
     for change in args.change:
         print("\n".join(describe(graph, change)))
     if args.write:
-        written = filled(PAGE.read_text(), marked(graph))
-        with atomic_write(PAGE) as new:
-            new.write_text(written)
+        write_text(PAGE, filled(PAGE.read_text(), marked(graph)))
         write_png(picture(graph), PICTURE)
     elif not args.change:
         print(*marked(graph).values(), sep="\n\n")

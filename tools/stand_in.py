@@ -15,7 +15,7 @@ import numpy as np
 from pedpred.config import plain, read_params
 from pedpred.errors import user_errors
 from pedpred.fields import parsed
-from pedpred.files import atomic_write, check_output, write_json
+from pedpred.files import check_output, write_json, write_text
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.simulation.worlds import WorldSettings, simulate_world
@@ -56,8 +56,7 @@ def write_small(scene: Scene, folder: Path) -> None:
     rows = scene.trajectories
     columns = zip(rows.time_s.tolist(), rows.track_id.tolist(), rows.position.tolist(), strict=True)
     lines = [f"{time_s:.2f},{track},{x:.3f},{y:.3f}\n" for time_s, track, (x, y) in columns]
-    with atomic_write(folder / "tracks.csv") as new:
-        new.write_text("".join(["time,id,x,y\n", *lines]))
+    write_text(folder / "tracks.csv", "".join(["time,id,x,y\n", *lines]))
     write_map(scene.occupancy, folder)
     about = {"schema": SCENE_SCHEMA, "name": scene.name, "detection_dt_s": scene.detection_dt_s}
     write_json(folder / "scene.json", about | {"stand_in": scene.stand_in})

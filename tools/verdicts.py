@@ -14,6 +14,7 @@ from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.metrics.calibration import shown_steps
 from pedpred.online import laws
 from pedpred.online.trials import RATES_HZ
+from pedpred.report.rows import PromiseRow
 
 Figures = Mapping[str, Mapping[str, Any]]
 """Method -> figure -> value, as in the metric files."""
@@ -33,19 +34,6 @@ SEEDS = 0.01
 """Share of the error by which it may differ between seeds of the fine-tuning (docs/experiments.md)."""
 SENSED = 0.85
 """Most that the error in rooms through sensor and tracker may be over that of the paper's network."""
-
-
-@dataclass(frozen=True)
-class Promise:
-    """At a place.
-
-    Attributes:
-        method: a simple one.
-        most: largest error over that method's.
-    """
-
-    method: str
-    most: float
 
 
 @dataclass(frozen=True)
@@ -97,7 +85,7 @@ def no_worse(about: str, ade_m: float, other: float, ci95: Sequence[float]) -> V
 
 
 def place_verdicts(
-    place: str, figures: Figures, method: str, promise: Promise | None = None, remark: str = ""
+    place: str, figures: Figures, method: str, promise: PromiseRow | None = None, remark: str = ""
 ) -> Iterator[Verdict]:
     """Errors beside the simple methods at a real place."""
     network, reference = figures[method], figures[STRONGEST]

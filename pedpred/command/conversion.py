@@ -24,7 +24,7 @@ from pedpred.sources.beginnings import Beginning
 from pedpred.sources.geometries import is_geometry, read_ground, read_walls
 from pedpred.sources.plausibility import check_speeds
 from pedpred.sources.scene_folder import read_own
-from pedpred.sources.single_file import CELL_M, WALL_M, format_of, read_file
+from pedpred.sources.single_file import format_of, read_file
 from pedpred.storage.scenes import write_scene
 from pedpred.tables.classes import PERSON_CLASSES
 from pedpred.tables.lines import titles_in
@@ -32,8 +32,6 @@ from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import read_homography
 
-_OPEN_END_M = 6.0
-"""Length of corridors beyond open ends of geometries, m."""
 _MAP_BESIDE, _MOST_OUTSIDE = "map.yaml", 0.5
 
 _FOR_FILES = {"--unit": "unit", "--scale": "pixel_m", "--rate": "rate_hz", "--columns": "columns"}
@@ -57,7 +55,9 @@ def info(arguments: argparse.Namespace) -> None:
         "detections": f"{len(trajectories)} of {tracks} tracks, {instants} instants",
         "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:.3g} s between two detections",
         "map": f"{width:.1f} m x {height:.1f} m, cells of {occupancy.resolution_m:g} m, "
-        f"{100 * occupancy.occupied.mean():.1f} % occupied",
+        f"{100 * occupancy.occupied.mean():.1f} % occupied"
+        if occupancy.occupied.any()
+        else "no obstacles are known",
         "on the map": str(placement(trajectories.position, occupancy)),
         "also known": ", ".join(known) or "nothing",
         "camera": "yes" if scene.camera else "no",
@@ -107,6 +107,13 @@ def read_given(arguments: argparse.Namespace, names: TrackNames | None = None) -
         scene = replace(scene, occupancy=OccupancyMap.free_around(scene.trajectories.position))
     checked_placement(scene)
     return scene
+
+
+def warn_without_obstacles(scene: Scene, arguments: argparse.Namespace) -> None:
+    """Say that forecasts will go through walls, unless the arguments say that there are none."""
+    if not (scene.occupancy.occupied.any() or arguments.no_map):
+        remedy = "Name a map with --map, or say --no-map"
+        _log.warning("%s has no obstacles: forecasts go through walls. %s", scene.name, remedy)
 
 
 def _options(arguments: argparse.Namespace) -> TableOptions:
@@ -168,12 +175,12 @@ def _ground_given(arguments: argparse.Namespace) -> OccupancyMap | None:
     """The map that replaces that of the scene."""
     edges = [[end[:2], end[2:]] for end in arguments.open_end]
     if arguments.map is not None and is_geometry(arguments.map):
-        return read_ground(arguments.map, read_walls(arguments.map), CELL_M, WALL_M, edges, _OPEN_END_M)
+        return read_ground(arguments.map, read_walls(arguments.map), edges)
     inside = None
     if edges and arguments.map is None and _kind_of(arguments.scene) == "tracks":
         inside = format_of(arguments.scene, _options(arguments)).walls(arguments.scene)
     if inside is not None:
-        return read_ground(arguments.scene, inside, CELL_M, WALL_M, edges, _OPEN_END_M)
+        return read_ground(arguments.scene, inside, edges)
     if edges:
         remedy = "it needs a geometry: --map walls.xml or .wkt, or a recording that has one"
         raise ValueRuleError("--open-end", arguments.open_end[0], remedy)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
 from numbers import Real
 from os import PathLike
 from pathlib import Path
@@ -23,7 +24,7 @@ from pedpred.tables.ids import is_plain
 from pedpred.tables.names import TrackNames
 from pedpred.tables.options import TableOptions
 from pedpred.tables.placeholders import without_placeholders
-from pedpred.tables.reading import of_people, people_in_rows, tracks_in_rows
+from pedpred.tables.reading import LOOKED_AT, columns_of_labels, of_people, people_in_rows, tracks_in_rows
 from pedpred.tables.text import Row
 from pedpred.tables.titles import (
     LENGTHS,
@@ -32,6 +33,8 @@ from pedpred.tables.titles import (
     columns_of_heights,
     columns_of_recordings,
     joined_titles,
+    other_pairs,
+    sides_of_boxes,
     titles_of_tracks,
 )
 
@@ -95,20 +98,27 @@ def _people_in(
     table = _with_index(table)
     titles = _titles_of(table)
     named = titles_of_tracks(titles)
-    looked_at = [title for title in dict.fromkeys(titles) if title in {*named, *_others(titles)}]
+    begin = table.iloc[:LOOKED_AT]
+    labels = columns_of_labels(titles, list(_rows(column for _, column in begin.items())))
+    doubtful = {
+        title for find in (other_pairs, sides_of_boxes) for pair in find(titles, named) for title in pair
+    }
+    others = {*named, *_others(titles), *labels, *doubtful}
+    looked_at = [title for title in dict.fromkeys(titles) if title in others]
     values = {title: table.iloc[:, titles.index(title)] for title in looked_at}
     (id_title,) = (title for title, name in named.items() if name == "track_id")
     who, ids = pd.factorize(values[id_title])
     numbers, names = _numbered(ids)
     options = TableOptions(None, rate_hz, unit, names=names)
-    chosen = people_in_rows(_TABLE, looked_at, lambda: _rows(values.values()), options)
+    first = list(islice(_rows(values.values()), LOOKED_AT))
+    chosen = people_in_rows(_TABLE, looked_at, lambda: _rows(values.values()), options, first)
     counts = np.zeros(len(table), bool)
     counts[[row - 1 for row, _ in of_people(_rows(values.values()), looked_at, chosen)]] = True
     placed = np.logical_or.reduce([values[t].notna() for t, name in named.items() if name in LENGTHS])
     if (lost := (who < 0) & placed & counts).any():
         raise ValueRuleError(id_title, None, f"row {int(lost.argmax()) + 1} has no id")
     values[id_title] = pd.Series(pd.array(np.append(numbers, 0).take(who), "Int64")).where(who >= 0)
-    rows = of_people(_rows(values.values()), looked_at, chosen)
+    rows = ((row, fields) for row, fields in _rows(values.values()) if counts[row - 1])
     people = tracks_in_rows(_TABLE, looked_at, rows, options)
     people = without_placeholders(_TABLE, people)
     dt_s = checked_interval_s(_TABLE, people, titled=True, options=options)

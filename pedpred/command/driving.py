@@ -14,7 +14,13 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from pedpred.command.conversion import layout_of, options_for_fields, read_given, stem_of
+from pedpred.command.conversion import (
+    layout_of,
+    options_for_fields,
+    read_given,
+    stem_of,
+    warn_without_obstacles,
+)
 from pedpred.driving.episodes import DriveSettings, Recording
 from pedpred.driving.figures import figures_of, summary
 from pedpred.driving.forecasters import NAMES, TRUTH
@@ -46,7 +52,7 @@ def drive(arguments: argparse.Namespace) -> None:
         shown=arguments.shown,
     )
     models = _models(arguments)
-    places: Places = Recording(read_given(arguments)) if arguments.world is None else _worlds(arguments)
+    places: Places = _recording(arguments) if arguments.world is None else _worlds(arguments)
     asked = models.conditions(arguments.method or NAMES, arguments.risk or _RISKS)
     if arguments.record is not None:
         _record(Runner(places, settings, models), asked, arguments)
@@ -143,6 +149,12 @@ def _models(arguments: argparse.Namespace) -> Models:
             raise ValueRuleError("--compare", name, f"{others[name]} is called so: name {folder} otherwise")
         others[name] = folder
     return Models(arguments.model or default_model(), others)
+
+
+def _recording(arguments: argparse.Namespace) -> Recording:
+    scene = read_given(arguments)
+    warn_without_obstacles(scene, arguments)
+    return Recording(scene)
 
 
 def _worlds(arguments: argparse.Namespace) -> Worlds:

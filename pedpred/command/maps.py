@@ -12,7 +12,6 @@ from pedpred.errors import StorageError, brief
 from pedpred.files import check_input, read_yaml
 from pedpred.scenes import OccupancyMap
 from pedpred.sources.geometries import GEOMETRIES, is_geometry, read_ground, read_walls
-from pedpred.sources.single_file import CELL_M, WALL_M
 from pedpred.storage.maps import picture_of, read_map_file
 
 _YAML = (".yaml", ".yml")
@@ -34,7 +33,7 @@ def map_at(path: Path) -> OccupancyMap:
     """
     check_input(path, "map", StorageError)
     if is_geometry(path):
-        return read_ground(path, read_walls(path), CELL_M, WALL_M)
+        return read_ground(path, read_walls(path))
     named = _in_folder(path) if path.is_dir() else path
     about = named if named.suffix.lower() in _YAML else _describing(named)
     content = read_yaml(about, partial(StorageError, about, "map", remedy=_REMEDY))

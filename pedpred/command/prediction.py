@@ -7,7 +7,7 @@ import logging
 from functools import partial
 from pathlib import Path
 
-from pedpred.command.conversion import layout_of, read_given
+from pedpred.command.conversion import layout_of, read_given, warn_without_obstacles
 from pedpred.command.forecast_tables import SUFFIXES, write_forecasts
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.fields import parsed
@@ -39,6 +39,7 @@ def predict(arguments: argparse.Namespace) -> None:
     tracker = None if arguments.tracker is None else read_tracker(Path(arguments.tracker))
     names = TrackNames()
     scene = read_given(arguments, names)
+    warn_without_obstacles(scene, arguments)
     predictor = robot_for(scene, arguments.model, tracker, arguments.detection_noise_m, arguments.trust)
     if not is_table:
         check_recordable(scene, predictor.protocol.horizon_steps, arguments.grid)

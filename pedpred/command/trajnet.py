@@ -6,6 +6,7 @@ A line is `{"scene": {"id", "p", "s", "e", "fps"}}` or `{"track": {"f", "p", "x"
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -70,11 +71,25 @@ def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
         raise SourceError(
             path, None, f"fps of the scenes: {sorted(rates)[:5]}", "All must have the same one, a rate in 1/s"
         )
+    step_s = 1.0 / rates.pop()
+    return _in_steps(columns, {number: who for number, (who, _) in about.items()}, step_s), step_s
+
+
+def _in_steps(
+    columns: dict[str, np.ndarray], primaries: Mapping[int, int], step_s: float
+) -> dict[str, np.ndarray]:
+    """The predictions of the pedestrians that scenes are about, with times and steps in place of frames.
+
+    Args:
+        columns: of `_FIELDS`, and `line`.
+        primaries: scene -> the pedestrian that it is about.
+        step_s: time between two steps, s.
+    """
     scenes, scene = np.unique(columns.pop("scene"), return_inverse=True)
-    primary = np.array([about.get(int(number), (None, 0.0))[0] for number in scenes], dtype=object)
+    primary = np.array([primaries.get(int(number)) for number in scenes], dtype=object)
     kept = primary[scene] == columns["track_id"]
     scene, columns = scene[kept], {name: values[kept] for name, values in columns.items()}
-    frame, step_s = columns.pop("frame"), 1.0 / rates.pop()
+    frame = columns.pop("frame")
     order = np.lexsort((frame, columns["mode"], scene))
     steps = np.diff(frame[order])[(np.diff(scene[order]) == 0) & (np.diff(columns["mode"][order]) == 0)]
     apart = float(np.median(steps)) if len(steps) else 1.0  # scenes may lie between each other's frames
@@ -83,4 +98,4 @@ def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
     columns["time"] = (first[scene] / apart - 1.0) * step_s
     columns["step"] = (frame - first[scene]) / apart + 1.0
     columns["weight"] = np.ones(len(frame))
-    return columns, step_s
+    return columns

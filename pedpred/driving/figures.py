@@ -56,6 +56,27 @@ class Episodes(NamedTuple):
         return (self.value["faults"][condition] > 0).astype(float)
 
 
+def share_interval(happened: np.ndarray) -> tuple[float, float]:
+    """Find the 95 % interval of a share by Wilson's score, which also says how much no case of few can mean.
+
+    A bootstrap of cases without a single collision would say that there is never one.
+
+    Args:
+        happened: 0 or 1 for each case. [E]
+    """
+    cases = len(happened)
+    if not cases:
+        return float("nan"), float("nan")
+    share, squared = float(np.mean(happened)), _DEVIATIONS**2 / cases
+    middle = (share + squared / 2) / (1 + squared)
+    half = _DEVIATIONS * ((share * (1 - share) + squared / 4) / cases) ** 0.5 / (1 + squared)
+    return max(middle - half, 0.0), min(middle + half, 1.0)
+
+
+_DEVIATIONS = 1.959964
+"""Of a normal distribution, between which 95 % of it lie."""
+
+
 def figures_of(rows: Sequence[Row]) -> dict[str, Any]:
     """Summarise a table as plain values; intervals are of 95 %, over episodes.
 
@@ -88,9 +109,11 @@ def _condition_figures(each: Episodes, condition: Condition) -> dict[str, Any]:
         "reached": measures["reached"],
     }
     figures: dict[str, Any] = {}
-    for name, values in (*shares.items(), ("time_s", measures["time_s"])):
-        figures[name] = round(float(values.mean()), _DIGITS)
-        figures[f"{name}_ci95"] = [round(float(end), _DIGITS) for end in each.draw.interval(values)]
+    intervals = {name: share_interval(values) for name, values in shares.items()}
+    intervals["time_s"] = each.draw.interval(measures["time_s"])
+    for name, ends in intervals.items():
+        figures[name] = round(float((shares | measures)[name].mean()), _DIGITS)
+        figures[f"{name}_ci95"] = [round(float(end), _DIGITS) for end in ends]
     means = {name: measures[name] for name in _MEANS} | {"path_ratio": path[np.isfinite(path)]}
     for name, values in means.items():
         figures[name] = round(float(values.mean()), _DIGITS) if len(values) else None
@@ -169,6 +192,9 @@ def equal_time(each: Episodes, one: str, other: str) -> dict[str, Any] | None:
         shares.append(np.array([np.interp(middle, *pair) for pair in rows]))
     apart = shares[0] - shares[1]
     ends = np.percentile(apart[1:], [2.5, 97.5])
+    if not any(each.at_fault(c).any() for curve in curves for c in curve):  # replicates of nothing are alike
+        most = share_interval(np.zeros(each.draw.tracks))[1]
+        ends = np.array([-most, most])
     result = {"time_s": middle, "at_fault": apart[0]}
     bounds = [round(float(end), _DIGITS) for end in ends]
     return {name: round(float(value), _DIGITS) for name, value in result.items()} | {"at_fault_ci95": bounds}

@@ -174,9 +174,22 @@ def _count(  # pragma: no cover (compiled)
         missed[row] = (share_reached(modes, points, shares) > shares).sum()
 
 
-def widen_covariances(predictions: Predictions, wider: np.ndarray, tails: np.ndarray) -> Predictions:
-    """With standard deviations times exp(a + b (2 t_k - 1)), see `regions`; each row's a and b. [W, P]."""
+def widen_covariances(
+    predictions: Predictions, wider: np.ndarray, tails: np.ndarray, least_m: float
+) -> Predictions:
+    """With standard deviations times exp(a + b (2 t_k - 1)), see `regions`; each row's a and b. [W, P].
+
+    None becomes smaller than `least_m` by that; those which are smaller as they are, stay.
+    """
     assert predictions.covariance is not None
     before = np.cumsum(predictions.weight, axis=1) - 0.5 * predictions.weight
     wide = np.exp(2.0 * (wider[:, None] + tails[:, None] * (2.0 * before[..., None] - 1.0)))
+    if least_m:
+        wide = np.maximum(wide, np.minimum(1.0, least_m**2 / _least_variance(predictions.covariance)))
     return replace(predictions, covariance=predictions.covariance * wide[..., None, None])
+
+
+def _least_variance(covariance: np.ndarray) -> np.ndarray:
+    """Along the short axis of each covariance. [..., 2, 2] -> [...]."""
+    xx, xy, yy = covariance[..., 0, 0], covariance[..., 0, 1], covariance[..., 1, 1]
+    return 0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy)

@@ -16,8 +16,9 @@ Every step is compared as soon as the detections around its time are there. Fore
 seen up to the last step do not count, as in the evaluation: what they taught is taken back then. Most of what
 was learned between a forecast and its comparison is applied to it before, or the same error would be
 corrected again and again for up to 3 s. A detection has noise, which is no error of the forecast: its
-declared variance is added to that of the forecast before they are compared. Detections in a burst, which
-follow the last kept one within `pedpred.tracking.kalman.SPACING_S`, are left out.
+declared variance is added to that of the forecast before they are compared. What is much smaller than the
+noise cannot be told from it, so no standard deviation shrinks below a share of the noise. Detections in a
+burst, which follow the last kept one within `pedpred.tracking.kalman.SPACING_S`, are left out.
 """
 
 from __future__ import annotations
@@ -57,6 +58,10 @@ the sharp modes, too."""
 _LEAST, _LARGEST = -3.0, np.array([1.0, 2.0])[:, None, None]
 """Least a, and largest a and b. Where positions are exact, people who stand stray by less than 1 mm in the
 first step: a is -2.9."""
+
+_RESOLVED = 0.25
+"""Least standard deviation that is learned, as a share of the declared noise: about what a tracker's position
+has at 50 Hz. Beside the noise, regions of people who stand look alike with any smaller one."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +167,7 @@ class Regions:
         wider, tails = np.array(
             [[np.interp(each, self.steps, parameter) for parameter in both] for both in self.learned]
         )
-        return widen_covariances(predictions, wider[group], tails[group])
+        return widen_covariances(predictions, wider[group], tails[group], _RESOLVED * self.noise_m)
 
     def _keeping(
         self, time_s: float, person: np.ndarray, rows: np.ndarray, forecasts: Predictions

@@ -68,10 +68,7 @@ def assess(
     request = replace(request, tracker=None)
     if answered is not None:  # of detections without truth, nobody knows whether they would count
         request, without_truth = replace(request, rows=request.rows[answered(request)]), 0
-    if not about.memory:
-        blocks = predictions_in_blocks(predictor, request, f"forecast {scene.name}")
-    else:
-        blocks = _replayed(sensed(scene, sensor), predictor, request)
+    blocks = forecasts_by_instants(predictor, request, sensed(scene, sensor))
     scores, row = _measured(request, blocks, settings, others or {}, metrics)
     del request, blocks  # only the scores are needed from here on
     joined: dict[str, Scores] = {}
@@ -79,6 +76,24 @@ def assess(
         whole = replace(join_scores(scores.pop(name), row), without_truth=without_truth)
         joined[name] = replace(whole, track=next(iter(joined.values()), whole).track)
     return joined
+
+
+def forecasts_by_instants(
+    predictor: OnlinePredictor, request: ForecastRequest, seen: Scene
+) -> Iterator[tuple[np.ndarray, Predictions]]:
+    """Forecast windows as a robot does: at once without memory, else frame by frame.
+
+    Args:
+        predictor: the robot's.
+        request: its tracks were made with the predictor's tracker.
+        seen: the detections of these tracks.
+
+    Yields:
+        See `pedpred.online.batch.predictions_in_blocks`.
+    """
+    if predictor.description.memory:
+        return _replayed(seen, predictor, request)
+    return predictions_in_blocks(predictor, request, f"forecast {seen.name}")
 
 
 def _measured(

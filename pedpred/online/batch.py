@@ -12,7 +12,7 @@ from tqdm import tqdm
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting import ForecastRequest
 from pedpred.forecasting.chain import Chain, forecast_blocks
-from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
+from pedpred.online.caution import have_just_appeared, moving_shares, shorten_paths
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -59,7 +59,6 @@ def _moving_shares(predictor: OnlinePredictor, request: ForecastRequest) -> np.n
     """See `pedpred.online.caution`. [W]."""
     tracks, row = request.past, request.rows
     first = row - tracks.age[row]
-    young = tracks.time_s[row] - tracks.time_s[first] < YOUNG_S - TIME_TOLERANCE_S
-    new = young | (tracks.kept_before(row) < NEWBORN)
-    noise_m = predictor.description.tracker.position_noise_m
+    new = have_just_appeared(tracks.time_s[row] - tracks.time_s[first], tracks.kept_before(row))
+    noise_m = max(predictor.description.tracker.position_noise_m, predictor.settings.detection_noise_m)
     return moving_shares(tracks.detection[first], tracks.detection[row], new, tracks.covariance[row], noise_m)

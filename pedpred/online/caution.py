@@ -12,11 +12,17 @@ from dataclasses import replace
 import numpy as np
 
 from pedpred.scenes import Predictions
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 NEWBORN, YOUNG_S = 3, 0.8
 """Who was detected at most so often, or first less than so long ago, s, counts as new."""
 _NOISE, _MOTION = 2.5, 5.0
 """Displacements since the first detection that are noise or motion, in standard deviations of a detection."""
+
+
+def have_just_appeared(age_s: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Who counts as new: by time since the first detection, s, and kept ones before the last. [N] bool."""
+    return (age_s < YOUNG_S - TIME_TOLERANCE_S) | (kept < NEWBORN)
 
 
 def moving_shares(

@@ -49,24 +49,20 @@ class Correction:
     def of_people(self, people: People) -> People:
         """People, as they are now; what a filter says of its errors has no direction."""
         past, filters = people.past, people.filters
-        heading_rad = np.angle(np.exp(1j * (people.heading_rad + self.turn_rad)))
+        trail = {"trail": self._places(past["trail"]), "last_velocity": self._vectors(past["last_velocity"])}
+        states = {
+            "position": self._places(filters["position"]),
+            "velocity": self._vectors(filters["velocity"]),
+        }
         return replace(
             people,
             detection=self._places(people.detection),
             position=self._places(people.position),
             velocity=self._vectors(people.velocity),
-            heading_rad=heading_rad,
+            heading_rad=np.angle(np.exp(1j * (people.heading_rad + self.turn_rad))),
             astray=self._vectors(people.astray),
-            past=past
-            | {
-                "trail": self._places(past["trail"]),
-                "last_velocity": self._vectors(past["last_velocity"]),
-            },
-            filters=filters
-            | {
-                "position": self._places(filters["position"]),
-                "velocity": self._vectors(filters["velocity"]),
-            },
+            past=past | trail,
+            filters=filters | states,
         )
 
     def of_place(self, place: Place) -> Place:

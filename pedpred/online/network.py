@@ -19,7 +19,7 @@ from pedpred.fields import check_ranges
 from pedpred.files import read_bytes, read_json, translate_errors, write_json
 from pedpred.forecasting.tensors import TENSORS, predictions_of, sound_rows
 from pedpred.models.features import RowFormat
-from pedpred.online.graph import load_graph
+from pedpred.online.graph import Shape, load_graph
 from pedpred.scenes import Predictions
 from pedpred.tracking import KalmanSettings
 
@@ -33,7 +33,6 @@ _NOISE = {"acceleration_noise": "(0, 1000]", "position_noise_m": "(0, 100]", "in
 GRAPH, ABOUT = "network.onnx", "model.json"
 _REMEDY = "Export the model again or copy the folder again"
 _FEWER = "Lack of memory: let OnlineSettings.most_people be less. Anything else: export the model again"
-Shape = tuple[int, ...]
 
 
 def output_shapes(steps: int, modes: int) -> dict[str, Shape]:
@@ -150,15 +149,6 @@ def read_description(folder: Path) -> ModelDescription:
         )
 
 
-def network_checksum(folder: Path) -> str:
-    """SHA-256 of a model folder's network.
-
-    Raises:
-        StorageError: model.json is missing or altered.
-    """
-    return str(_read_about(folder)["network_sha256"])
-
-
 def read_origin(folder: Path) -> dict[str, Any]:
     """Where a model folder's network comes from, as the stage `export` notes it.
 
@@ -212,7 +202,11 @@ class Answer(NamedTuple):
 
 
 class ExportedNetwork:
-    """The network of a model folder; one thread, no state of its own. Pickled, it is read again there."""
+    """The network of a model folder; one thread, no state of its own. Pickled, it is read again there.
+
+    Attributes:
+        checksum: of the graph, SHA-256.
+    """
 
     def __init__(self, folder: Path, description: ModelDescription):
         """Load the graph.
@@ -223,7 +217,7 @@ class ExportedNetwork:
         """
         path = folder / GRAPH
         raw = read_bytes(path, _LARGEST_BYTES)
-        self._folder, self._checksum = folder.absolute(), _digest(raw)
+        self._folder, self.checksum = folder.absolute(), _digest(raw)
         wording = partial(StorageError, path, "graph")
         self._failed = partial(wording, remedy=_FEWER)
         with translate_errors(partial(wording, remedy=_REMEDY)):
@@ -234,7 +228,7 @@ class ExportedNetwork:
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _read_again, (self._folder, self._about, self._checksum)
+        return _read_again, (self._folder, self._about, self.checksum)
 
     def step(self, inputs: Mapping[str, np.ndarray], memory: Mapping[str, np.ndarray]) -> Answer:
         """One step of N people.
@@ -274,6 +268,6 @@ def _read_again(folder: Path, description: ModelDescription, checksum: str) -> E
         StorageError: the folder holds none any more, or another one.
     """
     network = ExportedNetwork(folder, description)
-    if network._checksum != checksum:
+    if network.checksum != checksum:
         raise StorageError(folder / GRAPH, "checksum", "it is another network than the pickled one", _REMEDY)
     return network

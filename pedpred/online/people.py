@@ -122,48 +122,51 @@ def register_detections(
         standstill_mps: below this speed the heading is held.
         lives: number of the next new life.
     """
-    time_s, track_id, position, velocity = frame.time_s, frame.track_id, frame.position, frame.velocity
-    at, known = _found(people, track_id)
-    gap_s = time_s - people.seen_s[at[known]]
-    elsewhere = jumped(people.detection[at[known]], position[known], gap_s)
-    if elsewhere.any():
-        people = people.select(np.delete(np.arange(len(people)), at[known][elsewhere]))
-        at, known = _found(people, track_id)
+    people = _without_jumps(people, frame)
+    at, known = _found(people, frame.track_id)
     rows = at[known] if known.sum() < len(people) else slice(None)
-    seen, dt_s = position[known], time_s - people.seen_s[rows]
+    followed = _follow(people, rows, frame.select(known), bank, standstill_mps)
+    if known.all():
+        return followed
+    return followed.together(_newborn(people, frame.select(~known), bank, standstill_mps, lives))
+
+
+def _without_jumps(people: People, frame: Frame) -> People:
+    """Those whose ids do not jump from their last detection to the one in a frame."""
+    at, known = _found(people, frame.track_id)
+    rows = at[known]
+    elsewhere = jumped(people.detection[rows], frame.position[known], frame.time_s - people.seen_s[rows])
+    return people.select(np.delete(np.arange(len(people)), rows[elsewhere])) if elsewhere.any() else people
+
+
+def _follow(
+    people: People, rows: np.ndarray | slice, frame: Frame, bank: KalmanBank, standstill_mps: float
+) -> People:
+    """All people after those in some rows are detected in a frame, in the same order."""
+    seen, velocity, dt_s = frame.position, frame.velocity, frame.time_s - people.seen_s[rows]
     if velocity is None:
         before = Belief(*(people.filters[name][rows].reshape(-1, size) for name, size in _STATE.items()))
         states = bank.follow(before, people.filters["weight"][rows], dt_s, seen, standstill_mps)
         astray = np.zeros(seen.shape)
     else:
-        states = _known_states(bank, seen, velocity[known])
+        states = _known_states(bank, seen, velocity)
         step, was = seen - people.detection[rows], people.velocity[rows]
-        astray = astray_after(people.astray[rows], dt_s, step, was, velocity[known])
+        astray = astray_after(people.astray[rows], dt_s, step, was, velocity)
     here = weighted(*states)
     heading, walked = _heading(here.velocity, people.heading_rad[rows], people.walked[rows], standstill_mps)
     moved = {
-        "seen_s": time_s, "detection": seen, "heading_rad": heading, "walked": walked, "astray": astray,
+        "seen_s": frame.time_s, "detection": seen, "heading_rad": heading, "walked": walked, "astray": astray,
         **vars(here),
     }  # fmt: skip
     mine = {name: values[rows] for name, values in people.past.items()}
-    past = seen_again(mine, people.seen_s[rows], people.detection[rows], time_s, seen)
+    past = seen_again(mine, people.seen_s[rows], people.detection[rows], frame.time_s, seen)
     changed: dict[str, Any] = {
         name: _written(getattr(people, name), rows, values) for name, values in moved.items()
     }
     for field, now in (("past", past), ("filters", _kept(*states))):
         held = getattr(people, field)
         changed[field] = {name: _written(values, rows, now[name]) for name, values in held.items()}
-    followed = replace(people, **changed)
-    if known.all():
-        return followed
-    new = ~known
-    count = int(new.sum())
-    first = bank.born(position[new]), bank.unlearned(count)
-    if velocity is not None:
-        first = _known_states(bank, position[new], velocity[new])
-    life = lives + np.arange(count)
-    newborn = _newborn(people, time_s, track_id[new], life, position[new], first, standstill_mps)
-    return followed.together(newborn)
+    return replace(people, **changed)
 
 
 def _known_states(bank: KalmanBank, position: np.ndarray, velocity: np.ndarray) -> tuple[Belief, np.ndarray]:
@@ -193,25 +196,20 @@ def _written(values: np.ndarray, rows: np.ndarray | slice, new: np.ndarray | flo
     return copy
 
 
-def _newborn(
-    people: People,
-    time_s: float,
-    track_id: np.ndarray,
-    life: np.ndarray,
-    position: np.ndarray,
-    followed: tuple[Belief, np.ndarray],
-    standstill_mps: float,
-) -> People:
-    """People who are first detected at some positions [N, 2]; beliefs of all filters and their weights."""
-    count, belief = len(track_id), weighted(*followed)
-    now = np.full(count, time_s)
-    heading, walked = _heading(belief.velocity, np.zeros(count), np.zeros(count, bool), standstill_mps)
+def _newborn(people: People, frame: Frame, bank: KalmanBank, standstill_mps: float, lives: int) -> People:
+    """Those in a frame, who are detected for the first time; arrays of others say what is kept of each."""
+    count, position = len(frame), frame.position
+    states = bank.born(position), bank.unlearned(count)
+    if frame.velocity is not None:
+        states = _known_states(bank, position, frame.velocity)
+    here, now = weighted(*states), np.full(count, frame.time_s)
+    heading, walked = _heading(here.velocity, np.zeros(count), np.zeros(count, bool), standstill_mps)
     memory = {name: np.zeros((count, *v.shape[1:]), np.float32) for name, v in people.memory.items()}
     past = first_seen(count, people.past["trail_s"].shape[1])
     return People(
-        track_id=track_id, life=life, born_s=now, seen_s=now.copy(), detection=position,
-        **vars(belief), heading_rad=heading, walked=walked, astray=np.zeros((count, 2)),
-        ticks=np.zeros(count, np.int64), memory=memory, past=past, filters=_kept(*followed),
+        track_id=frame.track_id, life=lives + np.arange(count), born_s=now, seen_s=now.copy(),
+        detection=position, **vars(here), heading_rad=heading, walked=walked, astray=np.zeros((count, 2)),
+        ticks=np.zeros(count, np.int64), memory=memory, past=past, filters=_kept(*states),
     )  # fmt: skip
 
 

@@ -15,11 +15,11 @@ from pedpred.features import ForecastProtocol, Neighbours, Surroundings
 from pedpred.files import check_input, check_output, given_path
 from pedpred.forecasting.chain import Chain, Place
 from pedpred.geometry import rotate
-from pedpred.online.caution import NEWBORN, YOUNG_S, moving_shares, shorten_paths
+from pedpred.online.caution import have_just_appeared, moving_shares, shorten_paths
 from pedpred.online.correction import Correction
 from pedpred.online.frame import Frame
 from pedpred.online.limit import keep_to_limit
-from pedpred.online.network import ExportedNetwork, ModelDescription, network_checksum, read_description
+from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
 from pedpred.online.past import earliest, kept_before, past_of, slots_for
 from pedpred.online.people import People, next_ticks_s, register_detections
 from pedpred.online.places import read_place, write_place
@@ -31,9 +31,13 @@ from pedpred.tracking import KalmanBank
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _LOG = logging.getLogger(__name__)
-_NO_MAP = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
-_APART_S = 0.25
-"""Frames of the sensors of one robot come at most so much out of order."""
+NO_MAP = OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
+"""Free ground: what is assumed where no map is given."""
+_WHY_JUMPS = "A clock was set, a stamp is false, or a recording or simulation began again"
+_SET_BACK_S, _CALM_S = 0.3, 5.0
+"""Frames that are earlier than the last one for so long, while none is later, are of a clock that was set
+back, or that one false stamp had been ahead of. Each time, it must be for twice as long, until none was
+earlier for some time: a fast sensor that lags behind a slow one must not make everybody new for ever."""
 
 
 class OnlinePredictor:
@@ -57,7 +61,7 @@ class OnlinePredictor:
             raise ValueRuleError("settings", checked, "it must be OnlineSettings or None")
         folder = given_path("folder", folder)
         check_input(folder, "model", StorageError, folder=True)
-        self._about, self._checksum = read_description(folder), network_checksum(folder)
+        self._about = read_description(folder)
         self._network = ExportedNetwork(folder, self._about)
         self._settings = checked
         self._about = replace(self._about, tracker=self._settings.tracker or self._about.tracker)
@@ -66,7 +70,7 @@ class OnlinePredictor:
             learns = self._about.learn_noise and self._settings.tracker is None
         self._bank = KalmanBank.around(self._about.tracker, learns)
         self._chain = Chain(noise_m=self._settings.detection_noise_m, trust=self._settings.learn_trust)
-        self._map = _NO_MAP
+        self._map = NO_MAP
         self.name: Callable[[int], object] = int
         self.reset()
 
@@ -127,7 +131,7 @@ class OnlinePredictor:
         """
         output = given_path("path", path)
         check_output(output)
-        write_place(output, Place(self._trust, self._regions), self._unused, self._checksum)
+        write_place(output, self._place, self._unused, self._network.checksum)
 
     def load_place(self, path: Path | str) -> None:
         """Delete all tracks, and go on with what the same network had learned; the map stays.
@@ -136,7 +140,8 @@ class OnlinePredictor:
             ValueRuleError: that is no path.
             StorageError: the file is missing, damaged or about another network; all is as it was.
         """
-        self._begin(*read_place(given_path("path", path), self._unlearned(), self._checksum))
+        checksum = self._network.checksum
+        self._begin(*read_place(given_path("path", path), self._unlearned(), checksum))
 
     def _unlearned(self) -> Place:
         return self._chain.unlearned(self.protocol.horizon_steps)
@@ -145,7 +150,9 @@ class OnlinePredictor:
         """Start with nobody, and with what was learned; see `read_place`."""
         self._unused = unused
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
-        self._trust, self._regions = place.trust, place.regions
+        self._dropped_s = (np.inf, np.inf)  # the first and the last frame that were dropped since
+        self._set_back_s, self._latest_drop_s = _SET_BACK_S, -np.inf
+        self._place = place
         none, answer = np.zeros(0, int), self._network.nobody()
         _, self._last = self._forecast(self._people, place, none, answer.predictions, answer.velocities, 0.0)
 
@@ -178,20 +185,19 @@ class OnlinePredictor:
             ValueRuleError, ShapeError: one is not a number or out of range, or the shift has no two of them.
         """
         correction = Correction.checked(turn_rad, shift)
-        place = correction.of_place(Place(self._trust, self._regions))
-        self._people = correction.of_people(self._people)
-        self._trust, self._regions = place.trust, place.regions
+        self._people, self._place = correction.of_people(self._people), correction.of_place(self._place)
 
     def update(
         self, time_s: float, track_id: np.ndarray, position: np.ndarray, velocity: np.ndarray | None = None
     ) -> Forecast:
         """Add the detections of one instant; return a forecast of each person, whose arrays are read-only.
 
-        Of a frame that is at most 0.25 s earlier than the last one, or no later, as of a second camera, those
-        count who were not detected since; forecasts are at the time of the last one again. Where nobody
+        Of a frame that is less than `max_age_s` earlier than the last one, or as late, as of a second camera,
+        those count who were not detected since; forecasts are at the time of the last one again. Where nobody
         counts, it is dropped, with a warning, and the last forecast returned. A person who is not detected is
         extrapolated for `max_age_s`, and forgotten after the model's `lost_after_s`. If time jumps by more
-        than that, forward or backward, all tracks are deleted: twice after a false stamp.
+        than that, forward or backward, or frames are earlier for 0.3 s while none is later, all tracks are
+        deleted: twice after a false stamp.
         An id that jumps farther than anybody can move is a new person. People for whom the network gives no
         valid forecast are left out, named in a warning and forgotten. Of more than `most_people`, those who
         came first are followed; the others are left out and named in a warning.
@@ -211,35 +217,49 @@ class OnlinePredictor:
         """
         frame = Frame.checked(time_s, track_id, position, velocity)
         now, longest_s = frame.time_s, self.protocol.lost_after_s + TIME_TOLERANCE_S
-        if abs(now - self._now) <= longest_s and now <= self._now + TIME_TOLERANCE_S:
+        is_earlier = abs(now - self._now) <= longest_s and now <= self._now + TIME_TOLERANCE_S
+        if is_earlier and not self._is_set_back(now):
             return self._completed(frame)
-        people, place, jumps = self._people, Place(self._trust, self._regions), self._jumps
-        if abs(now - self._now) > longest_s:
+        people, place, jumps = self._people, self._place, self._jumps
+        if is_earlier or abs(now - self._now) > longest_s:
             if len(people) and (now < self._now or not jumps):  # of long gaps the first one
-                _LOG.warning("time jumps from %s s to %s s (seconds?): all are forgotten", self._now, now)
+                text = "time jumps from %s s to %s s (seconds?): all are forgotten. %s"
+                _LOG.warning(text, self._now, now, _WHY_JUMPS)
             jumps += len(people) > 0
             people, place = self._nobody(), place.without_people()
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
-        people, place, forecast = self._detected(people, place, frame, now)
-        self._trust, self._regions = place.trust, place.regions
-        self._lives += len(frame)
-        self._people, self._now, self._jumps, self._last = people, now, jumps, forecast
-        return forecast
+        self._people, self._place, self._last = self._detected(people, place, frame, now)
+        self._now, self._jumps, self._lives = now, jumps, self._lives + len(frame)
+        if is_earlier:
+            self._set_back_s *= 2
+        elif now - self._latest_drop_s > _CALM_S:
+            self._set_back_s = _SET_BACK_S
+        self._dropped_s = (np.inf, np.inf)
+        return self._last
+
+    def _is_set_back(self, now: float) -> bool:
+        """Whether an earlier frame is the last of many, all dropped, which rise by themselves."""
+        first_s, last_s = self._dropped_s
+        return now > last_s and now - first_s > self._set_back_s - TIME_TOLERANCE_S
 
     def _completed(self, frame: Frame) -> Forecast:
         """The last forecast, with people of another frame who were not detected since; nothing is learned."""
         since = self._people.seen_s > frame.time_s - TIME_TOLERANCE_S
         new = ~np.isin(frame.track_id, self._people.track_id[since], assume_unique=True)
-        if not new.any() or self._now - frame.time_s > _APART_S + TIME_TOLERANCE_S:
-            _LOG.warning("frame at %s s dropped: the last one was at %s s", frame.time_s, self._now)
+        if not new.any() or self._now - frame.time_s > self._settings.max_age_s - TIME_TOLERANCE_S:
+            first_s, last_s = self._dropped_s
+            self._dropped_s = (first_s if frame.time_s > last_s else frame.time_s, frame.time_s)
+            self._latest_drop_s = self._now
+            if self._dropped_s[0] == frame.time_s:  # of several, the first one
+                text = "frame at %s s dropped: the last one was at %s s. %s"
+                _LOG.warning(text, frame.time_s, self._now, "Do two sources send the same people, or late?")
             return self._last
-        place = Place(self._trust, self._regions)
-        people, _, forecast = self._detected(self._people, place, frame.select(new), self._now)
+        self._people, _, self._last = self._detected(self._people, self._place, frame.select(new), self._now)
         self._lives += len(frame)
-        self._people, self._last = people, forecast
-        return forecast
+        self._dropped_s = (np.inf, np.inf)
+        return self._last
 
     def _detected(
         self, people: People, place: Place, frame: Frame, time_s: float
@@ -379,11 +399,10 @@ class OnlinePredictor:
         """See `pedpred.online.caution`. [R]."""
         if self._about.memory:
             return np.ones(len(rows))
-        young = (people.seen_s - people.born_s)[rows] < YOUNG_S - TIME_TOLERANCE_S
-        new = young | (kept_before(people.past, rows) < NEWBORN)
+        new = have_just_appeared((people.seen_s - people.born_s)[rows], kept_before(people.past, rows))
         if not new.any():
             return np.ones(len(rows))
-        noise_m = self._about.tracker.position_noise_m
+        noise_m = max(self._about.tracker.position_noise_m, self.settings.detection_noise_m)
         last = people.detection[rows]
         first = earliest(people.past, rows, last)
         return moving_shares(first, last, new, people.covariance[rows], noise_m)

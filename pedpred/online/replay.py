@@ -35,10 +35,12 @@ def replay_scene(
         yield predictor.update(float(now), trajectories.track_id[rows], trajectories.position[rows], true)
 
 
-def replay_with_progress(scene: Scene, predictor: OnlinePredictor) -> Iterator[Forecast]:
+def replay_with_progress(
+    scene: Scene, predictor: OnlinePredictor, true_velocities: bool = False
+) -> Iterator[Forecast]:
     """Yield the forecasts of `replay_scene`, with a progress bar."""
-    frames = len(np.unique(scene.trajectories.time_s))
-    yield from tqdm(replay_scene(scene, predictor), total=frames, desc=f"replay {scene.name}", unit="frame")
+    forecasts, frames = replay_scene(scene, predictor, true_velocities), np.unique(scene.trajectories.time_s)
+    yield from tqdm(forecasts, total=len(frames), desc=f"replay {scene.name}", unit="frame")
 
 
 def predictions_at(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.geometry import rotate
-from pedpred.online.predictor import OnlinePredictor
+from pedpred.online.predictor import NO_MAP, OnlinePredictor
 from pedpred.scenes import Forecast, OccupancyMap
 
 RATES_HZ = (2.0, 2.5, 5.0, 10.0, 15.0)
@@ -98,11 +98,6 @@ class World:
         return replace(self, position=move.there(self.position), occupancy=move.map_there(self.occupancy))
 
 
-def free_ground() -> OccupancyMap:
-    """No obstacles."""
-    return OccupancyMap(np.zeros((1, 1), bool), np.zeros(2), 1.0)
-
-
 def straight_walkers(
     rng: np.random.Generator, people: int, seconds: float, rate_hz: float
 ) -> tuple[World, np.ndarray]:
@@ -123,7 +118,7 @@ def straight_walkers(
     born_s = rng.uniform(0.0, 0.5 * seconds, people)
     born_s[0] = 0.0
     position[time_s[:, None] < born_s] = np.nan
-    return World(time_s, position, np.arange(people), free_ground()), velocity
+    return World(time_s, position, np.arange(people), NO_MAP), velocity
 
 
 def standing_people(rng: np.random.Generator, people: int, noise_m: float, rate_hz: float) -> World:
@@ -131,7 +126,7 @@ def standing_people(rng: np.random.Generator, people: int, noise_m: float, rate_
     time_s = np.arange(0.0, 10.0, 1.0 / rate_hz)
     place = _APART_M * np.arange(people)[:, None] * np.array([1.0, 0.0])
     position = place + rng.normal(0.0, noise_m, (len(time_s), people, 2))
-    return World(time_s, position, np.arange(people), free_ground())
+    return World(time_s, position, np.arange(people), NO_MAP)
 
 
 def crowded(rng: np.random.Generator) -> World:

@@ -167,8 +167,7 @@ def _frames(
     trajectories = scene.trajectories
     start_s, renewed_s = busiest_start(windows.time_s, animation.duration_s), _interval_s(windows)
     predictions = windows.predictions[method.key]
-    red, green, blue = (1 - _FAINT * (1 - part) for part in to_rgb(method.colour))
-    faint = to_hex((red, green, blue))
+    horizon_s = predictions.steps * predictions.dt_s
     for time_s in start_s + np.arange(0.0, animation.duration_s, animation.frame_s):
         picture = sheet.ground.copy()
         draw = ImageDraw.Draw(picture)
@@ -179,19 +178,27 @@ def _frames(
             draw.line(sheet.pixels(np.vstack([tail, position])), _TAIL, 2 * _SMOOTHING)
         latest = (windows.time_s <= time_s + 1e-6) & (windows.time_s > time_s - renewed_s + 1e-6)
         rows = np.flatnonzero(latest & np.isin(windows.track_id, list(here)))
-        for row, mode in product(rows, range(predictions.modes if predictions.modes > 1 else 0)):
-            weight = predictions.weight[row, mode]
-            if weight >= _LEAST_WEIGHT:
-                way = sheet.pixels(np.vstack([windows.position[row], predictions.path[row, mode]]))
-                draw.line(way, faint, round((1 + 5 * weight) * _SMOOTHING), joint="curve")
-        for row in rows:
-            path = sheet.pixels(np.vstack([windows.position[row], predictions.point[row]]))
-            draw.line(path, method.colour, _SMOOTHING)
-            for x, y in path[1:]:
-                draw.circle((x, y), 1.6 * _SMOOTHING, method.colour)
+        _draw_forecasts(draw, sheet, windows, rows, method)
         for x, y in sheet.pixels(np.array([*here.values()]).reshape(-1, 2)):
             draw.circle((x, y), _PERSON_RADIUS_M * sheet.scale, INK)
-        horizon_s = predictions.steps * predictions.dt_s
         caption = f"{scene.name}, t = {time_s:.1f} s, dots: {method.label}, the next {horizon_s:g} s"
         sheet.write(draw, 60 * _SMOOTHING + 2 * sheet.scale, caption)
         yield picture.reduce(_SMOOTHING)
+
+
+def _draw_forecasts(
+    draw: ImageDraw.ImageDraw, sheet: _Sheet, windows: EvaluationWindows, rows: np.ndarray, method: Method
+) -> None:
+    """Likely modes as broad pale lines, and above them point forecasts as thin lines with dots."""
+    predictions, here = windows.predictions[method.key], windows.position
+    red, green, blue = (1 - _FAINT * (1 - part) for part in to_rgb(method.colour))
+    for row, mode in product(rows, range(predictions.modes if predictions.modes > 1 else 0)):
+        weight = predictions.weight[row, mode]
+        if weight >= _LEAST_WEIGHT:
+            way = sheet.pixels(np.vstack([here[row], predictions.path[row, mode]]))
+            draw.line(way, to_hex((red, green, blue)), round((1 + 5 * weight) * _SMOOTHING), joint="curve")
+    for row in rows:
+        path = sheet.pixels(np.vstack([here[row], predictions.point[row]]))
+        draw.line(path, method.colour, _SMOOTHING)
+        for x, y in path[1:]:
+            draw.circle((x, y), 1.6 * _SMOOTHING, method.colour)

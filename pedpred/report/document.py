@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 from matplotlib.figure import Figure
 
+from pedpred.report.canvas import write_png
 from pedpred.report.charts import BoxPlot, Whisker
 
 NOTHING = "-"
@@ -145,6 +147,13 @@ def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]], texts: 
     rule = ["---"] * texts + ["---:"] * (len(header) - texts)
     lines = [[cell.replace("|", "\\|") for cell in cells] for cells in [header, rule, *rows]]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+def write_pictures(section: Section, folder: Path) -> None:
+    """Write all pictures of a section as PNG into a folder, which is made also where there are none."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for picture in section.pictures:
+        write_png(picture.figure, folder / f"{picture.name}.png")
 
 
 def join_pages(pages: Sequence[str]) -> str:

@@ -59,15 +59,6 @@ class Paper:
     def __post_init__(self) -> None:
         check_ranges(self, {"ade_m": "(0, 1e6]"})
 
-    @classmethod
-    def parse(cls, plain: Mapping[str, Any]) -> Paper:
-        """Build from plain dictionaries.
-
-        Raises:
-            ValueRuleError: a field is unknown or breaks its rule.
-        """
-        return parsed(cls, plain)
-
     def about(self, result: Result) -> bool:
         """Whether the publication says something about a test set."""
         return result.name in self.at.get(result.study, [result.name])
@@ -103,7 +94,9 @@ def judge(expected: Expectation, figures: Figures, methods: Methods) -> Finding:
     one, two = figures[first.key]["ade_m"], figures[second.key]["ade_m"]
     measured, holds = f"{one:.3f} m {'<' if one < two else '≥'} {two:.3f} m", one < two
     if expected.kind == "gains":
-        measured = better_than(one, two) + noise(figures[first.key])
+        measured = better_than(one, two)
+        if in_the_noise(figures[first.key]):
+            measured += ", but the interval of the difference includes 0"
     elif expected.kind == "ratio_at_least":
         measured, holds = f"{one / two:.3f}", one / two >= expected.bound
     return Finding(claim, measured, "met" if holds else "missed")
@@ -121,11 +114,6 @@ def in_the_noise(metrics: Mapping[str, Any]) -> bool:
     """Whether the interval of the paired difference to the reference includes zero."""
     interval = bounds_of(metrics, "ade_m_minus_reference")
     return interval is not None and interval[0] <= 0.0 <= interval[1]
-
-
-def noise(metrics: Mapping[str, Any]) -> str:
-    """A remark where a difference is not significant."""
-    return ", but the interval of the difference includes 0" if in_the_noise(metrics) else ""
 
 
 def sum_up(findings: Sequence[tuple[str, Finding]]) -> str:

@@ -72,37 +72,23 @@ def draw_gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
     results, windows, kind = evaluated.results, evaluated.windows, evaluated.kind
     if not results:
         return _training(evaluated.curves, methods)
-    tested = {result.name: {s.name: s for s in evaluated.scenes[result.name]} for result in results}
-    scenes = {name: scene for recorded in tested.values() for name, scene in recorded.items()}
+    tested = {result.name: evaluated.scenes[result.name] for result in results}
+    scenes = {scene.name: scene for rooms in tested.values() for scene in rooms}
     unknown = sorted(windows.keys() - scenes.keys())
     if unknown:
         raise ValueRuleError("forecasts of scene", unknown[0], f"only {sorted(scenes)} are known")
-    horizons, snapshots = [], []
-    # places without a camera picture share their instants
-    shared: dict[str, dict[str, EvaluationWindows]] = {}
-    for result in results:
-        suffix = f"_{result.name}" if len(results) > 1 else ""
-        recorded = {name: windows[name] for name in tested[result.name] if name in windows}
-        horizons.append(_horizon(f"horizon{suffix}", result, methods))
-        seen = any(scenes[name].camera for name in recorded)
-        shared.setdefault(suffix if seen else "", {}).update(recorded)
-    for suffix, recorded in shared.items():
-        for name, instants in _instants(recorded, scenes, CROWD[kind], methods).items():
-            snapshots.append(_snapshot(f"{suffix}_{name}", scenes, recorded, instants, methods))
-    legend = _legend(windows, methods) + f" {_STILL}" * any(scene.camera for scene in scenes.values())
-    chosen = Section("Instants, chosen by rule", [Text(legend), Pictures(snapshots)])
+    forecast = {
+        place: {scene.name: windows[scene.name] for scene in rooms if scene.name in windows}
+        for place, rooms in tested.items()
+    }
+    endings = {place: f"_{place}" if len(results) > 1 else "" for place in tested}
+    horizons = [_horizon(f"horizon{endings[result.name]}", result, methods) for result in results]
     others = {name: rooms for name, rooms in evaluated.scenes.items() if name not in tested}
     return [
         Section("Error over the horizon", [Pictures(horizons)], "horizon"),
         *calibration_section(results, methods, _calibration(windows, results, methods)),
-        *displacement_section(
-            {
-                place: [windows[name] for name in recorded if name in windows]
-                for place, recorded in tested.items()
-            },
-            methods,
-        ),
-        *([chosen] if snapshots else []),
+        *displacement_section({place: list(own.values()) for place, own in forecast.items()}, methods),
+        *_chosen_instants(forecast, endings, scenes, CROWD[kind], methods),
         *reconstructions_section(evaluated.autoencoder, windows),
         _places(scenes, SHOWN_S[kind]),
         *(_trained_in(others) if kind == "simulated" else []),
@@ -110,11 +96,35 @@ def draw_gallery(evaluated: Evaluated, methods: Methods) -> list[Section]:
     ]
 
 
-def _legend(windows: Mapping[str, EvaluationWindows], methods: Methods) -> str:
+def _chosen_instants(
+    forecast: Mapping[str, Mapping[str, EvaluationWindows]],
+    endings: Mapping[str, str],
+    scenes: Mapping[str, Scene],
+    crowd: int,
+    methods: Methods,
+) -> list[Section]:
+    """Instants of each place, by place -> scene -> windows; those without a camera picture share theirs."""
+    shared: dict[str, dict[str, EvaluationWindows]] = {}
+    for place, windows in forecast.items():
+        seen = any(scenes[name].camera for name in windows)
+        shared.setdefault(endings[place] if seen else "", {}).update(windows)
+    snapshots = [
+        _snapshot(f"{ending}_{name}", scenes, windows, instant, methods)
+        for ending, windows in shared.items()
+        for name, instant in _instants(windows, scenes, crowd, methods).items()
+    ]
+    if not snapshots:
+        return []
+    everywhere = [scene for windows in forecast.values() for scene in windows.values()]
+    legend = _legend(everywhere, methods) + f" {_STILL}" * any(scene.camera for scene in scenes.values())
+    return [Section("Instants, chosen by rule", [Text(legend), Pictures(snapshots)])]
+
+
+def _legend(windows: Sequence[EvaluationWindows], methods: Methods) -> str:
     return (
-        "Circles: people, the one in focus is filled; arrows: the way of the present velocity in "
-        f"{ARROW_S} s; large dots: point forecast of the {methods.main.label}; "
-        f"{reading_of_modes(windows.values(), methods.main)}small dots: forecast of the "
+        "Circles: people, the one in focus is filled; arrows: displacement in "
+        f"{ARROW_S} s at the present velocity; large dots: point forecast of the {methods.main.label}; "
+        f"{reading_of_modes(windows, methods.main)}small dots: forecast of the "
         f"{methods.reference.label}; dashed: the true path; empty grey circles: people without an evaluation "
         "window."
     )
@@ -128,7 +138,7 @@ def _calibration(
     if not with_covariances(everywhere, methods):
         return []
     where = results[0].place if len(results) == 1 else f"{len(results)} places together"
-    caption = f"Expected and observed coverage of error ellipses, {where}."
+    caption = f"Expected and observed coverage of regions, {where}."
     return [Picture("calibration", caption, calibration_figure(everywhere, where, methods))]
 
 

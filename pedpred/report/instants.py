@@ -146,8 +146,7 @@ def before_obstacle(
 def depth_m(points: np.ndarray, occupancy: OccupancyMap) -> np.ndarray:
     """Distance of points (world, m, [..., 2]) in obstacles to the nearest free cell, 0 if free, m. [...]."""
     depth = distance_transform_edt(occupancy.occupied) * occupancy.resolution_m
-    cells = np.floor((points - occupancy.origin) / occupancy.resolution_m).astype(np.int64)
-    at = np.clip(cells, 0, np.array(depth.shape) - 1)
+    at = np.clip(occupancy.cell_of(points), 0, np.array(depth.shape) - 1)
     return np.where(occupancy.is_occupied(points), depth[at[..., 0], at[..., 1]], 0.0)
 
 

@@ -57,17 +57,14 @@ def literature_tables(
     literature: Mapping[str, Figures], published: Sequence[Published], methods: Methods
 ) -> dict[str, Table]:
     """Tables by name: of one forecast, of the best of 20, and of modes where there are any."""
+    header = ["errors in m", *(f"{scene} {word}" for scene in (MEAN, *SCENES) for word in ("ADE", "FDE"))]
     tables = {
-        "literature_one": Table(_header(), _rows(literature, _ONE, methods) + _quoted(published, 1)),
-        "literature_best": Table(_header(), _rows(literature, _BEST, methods) + _quoted(published, 20)),
+        "literature_one": Table(header, _rows(literature, _ONE, methods) + _quoted(published, 1)),
+        "literature_best": Table(header, _rows(literature, _BEST, methods) + _quoted(published, 20)),
     }
     if modes := _probabilities(literature, methods):
         tables["literature_modes"] = modes
     return tables
-
-
-def _header() -> list[str]:
-    return ["errors in m", *(f"{scene} {word}" for scene in (MEAN, *SCENES) for word in ("ADE", "FDE"))]
 
 
 def strict_key(literature: Mapping[str, Figures], scene: str) -> str | None:
@@ -108,7 +105,7 @@ def _row(
             bounds, place = bounds_of(metrics, key), f"literature.{entries[scene]}.{name}.{key}"
             cells.append(Cell(f"{error:.3f}", place, remark=f"95 % {interval(bounds)} m" if bounds else ""))
     means = np.mean(errors, axis=0) if len(errors) == len(SCENES) else ()
-    first = [Cell(f"{mean:.3f}", strong=True) for mean in means] or [Cell(NOTHING)] * len(keys)
+    first = [Cell(f"{mean:.3f}") for mean in means] or [Cell(NOTHING)] * len(keys)
     return Row([Cell(label), *first, *cells], name)
 
 

@@ -104,7 +104,7 @@ def results_of(
 
 
 def _tuned(sets: Sequence[str]) -> str:
-    """What networks were fine-tuned on, in brackets; more than two sets are counted."""
-    names = [entry.split("/")[1] for entry in sets]
-    words = " and ".join(names) if len(names) < _MANY else f"{len(names)} others"
+    """The places that networks were fine-tuned on, in brackets; more than two are counted."""
+    names = [name for kind, name in (entry.split("/") for entry in sets) if kind == "real"]
+    words = " and ".join(names) if len(names) < _MANY else f"{len(names)} other recordings"
     return f" (fine-tuned on {words})" if names else ""

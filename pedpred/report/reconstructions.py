@@ -81,7 +81,7 @@ def reconstructions_figure(crops: np.ndarray, images: np.ndarray, agreement: np.
     """Draw a column per crop: truth above, reconstruction below, the agreement over it; forward is up."""
     figure = blank(1.2 * len(crops), 2.9)
     axes = figure.subplots(2, len(crops), squeeze=False)
-    for word, shown, row in zip(("seen", "kept"), (crops, images), axes, strict=True):
+    for word, shown, row in zip(("input", "reconstruction"), (crops, images), axes, strict=True):
         row[0].set_ylabel(word)
         for image, place in zip(shown, row, strict=True):
             place.imshow(grid_image(image), cmap="gray_r", vmin=0, vmax=1, interpolation="nearest")

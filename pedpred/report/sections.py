@@ -25,8 +25,8 @@ READING = (
     "ADE: distance to the true position, averaged over all steps; FDE: at the last step; intervals: "
     "bootstrap over tracks; in obstacles: share of forecast positions; collisions: share of forecasts that "
     "come closer to another one than the collision distance. Where a method gives several weighted paths, "
-    "minADE6 is the ADE of the best of the six most likely ones, and NLL the negative log likelihood of the "
-    "true positions, lower is better."
+    "minADE6 is the ADE of the best of the six most likely ones, a miss is a best one of these that ends "
+    "more than 2 m off, and NLL the negative log likelihood of the true positions, lower is better."
 )
 CALIBRATION = (
     "Some methods give a probability density of the position at every step: a Gaussian, or several weighted "
@@ -128,7 +128,7 @@ def below_in(scenes: Sequence[Figures], methods: Methods) -> str:
 def calibration_section(
     results: Sequence[Result], methods: Methods, pictures: Sequence[Picture]
 ) -> list[Section]:
-    """Coverage of the error ellipses; nothing where no method gives covariances."""
+    """Coverage of the regions; nothing where no method gives covariances."""
     tables = [(result, calibration_table(result, methods)) for result in results]
     blocks: list[Block] = [Section(result.title, [table]) for result, table in tables if table]
     if not blocks:
@@ -139,25 +139,23 @@ def calibration_section(
 def paper_section(results: Sequence[Result], methods: Methods, paper: Paper) -> list[Section]:
     """ADE of every method beside the paper's, test set by test set; nothing where it has no figures."""
     shown = [result for result in results if paper.errors_m(result)]
+    studies: dict[str, list[Result]] = {}
+    for result in shown:
+        studies.setdefault(result.study, []).append(result)
     header = ["ADE [m]"]
-    for study, places in _by_study(shown).items():
+    for study, places in studies.items():
         header += [f"paper, {study}", *(f"here, {result.name}" for result in places)]
     rows = []
     for name in methods.ordered({name for result in shown for name in result.figures}):
         cells = [Cell(methods[name].label)]
-        for study, places in _by_study(shown).items():
+        for study, places in studies.items():
             theirs = paper.ade_m[study].get(name)
             cells.append(Cell(NOTHING if theirs is None else f"{theirs:.3f}"))
             cells += [metric_cell(r.name, name, "ade_m", r.figures.get(name, {})) for r in places]
         rows.append(Row(cells, name, name == methods.main.key))
-    remarks = [Text(paper.remarks[study], "note") for study in _by_study(shown) if study in paper.remarks]
+    remarks = [Text(paper.remarks[study], "note") for study in studies if study in paper.remarks]
     remarks.append(Text("The paper's figures were measured on its own windows.", "note"))
     return [Section("Beside the paper's table", [*remarks, Table(header, rows)], "paper")] if shown else []
-
-
-def _by_study(results: Sequence[Result]) -> dict[str, list[Result]]:
-    studies = dict.fromkeys(result.study for result in results)
-    return {study: [result for result in results if result.study == study] for study in studies}
 
 
 def latency_section(updates: Sequence[Mapping[str, float]]) -> list[Section]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from pedpred.metrics import METRICS
@@ -45,7 +46,7 @@ def metrics_table(result: Result, methods: Methods) -> Table:
         size = f"{metrics['windows']} windows of {metrics['tracks']} tracks"
         cells = [metric_cell(result.name, name, key, metrics) for key in keys]
         bounds = interval(metrics["ade_m_ci95"])
-        cells[0] = Cell(cells[0].text, cells[0].place, bounds, remark=size, whisker=marks[name])
+        cells[0] = replace(cells[0], bounds=bounds, remark=size, whisker=marks[name])
         cells.append(gap_cell(result.name, name, metrics, methods))
         rows.append(_row(name, cells, methods))
     return Table(header, rows)
@@ -84,7 +85,7 @@ def calibration_table(result: Result, methods: Methods) -> Table | None:
         return None
     steps = shown_steps(len(result.figures[names[0]]["per_step_nll"]))
     times = " / ".join(f"{(step + 1) * result.dt_s:.1f}" for step in steps)
-    regions = [f"in the {100 * share:.0f} % ellipse [%]" for share in REGIONS]
+    regions = [f"in the {100 * share:.0f} % region [%]" for share in REGIONS]
     rows = []
     for name in names:
         metrics = result.figures[name]

@@ -105,7 +105,7 @@ class People:
     def __init__(self, instants: Sequence[Instant], warn: Callable[[str], object]):
         self._warn = warn
         self._tell_others(instants)
-        self._tell_frames([each for each in instants if each.ids])
+        self._tell_frames(instants)
         stamp_s = np.array([each.stamp_s for each in instants], np.float64)
         received_s = np.array([each.received_s for each in instants], np.float64)
         if received_s.any() and _stands_still(instants):
@@ -147,10 +147,14 @@ class People:
 
     def _tell_frames(self, instants: Sequence[Instant]) -> None:
         """Tell where frames are not named, or where messages and their detections name different ones."""
-        if nowhere := sum(not each.frame for each in instants):
-            text = f"{nowhere} of {len(instants)} messages name no frame (header.frame_id is empty)"
-            self._warn(f"{text}: their places count as they are, so give the frame if the robot moves")
-        differ = Counter((each.array_frame, each.frame) for each in instants if each.array_frame)
+        numbers = np.cumsum([each.part == 0 for each in instants]).tolist()
+        pairs = zip(numbers, instants, strict=True)
+        seen = dict.fromkeys((number, each.array_frame, each.frame) for number, each in pairs if each.ids)
+        if nowhere := sum(not frame for _, _, frame in seen):
+            text = f"{nowhere} of {len({number for number, *_ in seen})} messages name no frame"
+            lack = "(header.frame_id is empty): their places count as they are"
+            self._warn(f"{text} {lack}, so give the frame if the robot moves")
+        differ = Counter((outer, inner) for _, outer, inner in seen if outer)
         for (outer, inner), count in differ.most_common(_TOLD):
             text = f"{count} messages are in {outer!r}, and the headers of their detections in {inner!r}"
             self._warn(f"{text}, which counts: correct these headers if places are in {outer!r}")
@@ -302,8 +306,7 @@ class People:
     ) -> tuple[list[tuple[str, ...]], list[np.ndarray], list[np.ndarray]]:
         """Those who have an id, unless nobody has, and their places in two frames."""
         nameless = Nameless()
-        for each in ids:
-            nameless.note(each)
+        nameless.note_all(ids)
         known = [nameless.named(each) for each in ids]
         named = [np.array([bool(name) for name in each], bool) for each in known]
         count = sum(int(there.sum()) for there in named)
@@ -312,10 +315,10 @@ class People:
             written = {name for each, there in pairs for name in np.array(each, object)[~there]}
             text = f"left out: {lack} of {lack + count} detections, which have no id"
             self._warn(f"{text}: {brief(sorted(written))}")
-            ids = [tuple(name for name in each if name) for each in known]
+            known = [tuple(name for name in each if name) for each in known]
             places = tuple([at[there] for at, there in zip(each, named, strict=True)] for each in places)
         position, read = places
-        return ids, list(position), list(read)
+        return known, list(position), list(read)
 
 
 def _seconds(time_ns: int) -> float:

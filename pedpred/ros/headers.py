@@ -1,4 +1,4 @@
-"""When and where detections are that have headers of their own, beside the header of their message."""
+"""Time and frame of detections that have a header each, beside the header of their message."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def time_of(header: Any) -> int:
     return int(header.stamp.sec * 10**9 + header.stamp.nanosec)
 
 
-def by_header(message: Any, own: Sequence[Any | None]) -> list[tuple[int, str, list[int]]]:
+def by_header(message: Any, detections: Sequence[Any | None]) -> list[tuple[int, str, list[int]]]:
     """Sort the detections of a message by time and frame.
 
     What the header of a detection says counts, since messages define that the detection is in it; the header
@@ -27,28 +27,28 @@ def by_header(message: Any, own: Sequence[Any | None]) -> list[tuple[int, str, l
 
     Args:
         message: the header of the message.
-        own: that of each detection; None: it has none. [N]
+        detections: the header of each detection; None: it has none. [N]
 
     Returns:
         Time (ns), frame and the rows that are in it, in order of time; one without rows for no detections.
     """
     outer = time_of(message), frame_name(message.frame_id)
-    keys = [outer if header is None else _key(header, *outer) for header in own]
-    found: list[tuple[int, str, list[int]]] = []
+    keys = [outer if header is None else _key(header, *outer) for header in detections]
+    groups: list[tuple[int, str, list[int]]] = []
     for row in sorted(range(len(keys)), key=lambda row: (keys[row][1], keys[row][0])):
         time_ns, frame = keys[row]
-        if found and found[-1][1] == frame and time_ns - found[-1][0] < _SAME_NS:
-            found[-1][2].append(row)
+        if groups and groups[-1][1] == frame and time_ns - groups[-1][0] < _SAME_NS:
+            groups[-1][2].append(row)
         else:
-            found.append((time_ns, frame, [row]))
-    if not found:
+            groups.append((time_ns, frame, [row]))
+    if not groups:
         return [(*outer, [])]
-    return [(time_ns, frame, sorted(rows)) for time_ns, frame, rows in sorted(found)]
+    return [(time_ns, frame, sorted(rows)) for time_ns, frame, rows in sorted(groups)]
 
 
 def _key(header: Any, outer_ns: int, outer_frame: str) -> tuple[int, str]:
-    """Time, ns, and frame of a detection with a header of its own."""
-    own_ns = time_of(header)
-    near = _SAME_NS < abs(own_ns - outer_ns) <= _LATE_NS
-    counts = own_ns > 0 and (outer_ns == 0 or near)
-    return own_ns if counts else outer_ns, frame_name(header.frame_id) or outer_frame
+    """Time, ns, and frame of a detection that has a header."""
+    inner_ns = time_of(header)
+    near = _SAME_NS < abs(inner_ns - outer_ns) <= _LATE_NS
+    counts = inner_ns > 0 and (outer_ns == 0 or near)
+    return inner_ns if counts else outer_ns, frame_name(header.frame_id) or outer_frame

@@ -68,28 +68,23 @@ def markers_message(
     return {"markers": [here | marker for marker in markers]}
 
 
-def forecast_message(forecast: Forecast, colour: Colour, time_ns: int, frame: str) -> Content:
-    """visualization_msgs/MarkerArray: all paths of a forecast; it replaces the picture before.
+def forecast_message(
+    forecast: Forecast, names: Sequence[str], colour: Colour, time_ns: int, frame: str
+) -> Content:
+    """visualization_msgs/MarkerArray: all paths of a forecast, and everybody's name above the head.
 
-    Numbers of markers are rows: they have 32 bits, in which tracks of 64 bits may be the same.
+    It replaces the picture before. Numbers of markers are rows: they have 32 bits, in which tracks of 64 bits
+    may be the same.
     """
     markers: list[Content] = [{"action": _DELETE_ALL, "pose": _UNTURNED}]
     start = forecast.position[:, 0] - forecast.dt_s * forecast.velocity[:, 0]
-    for row in range(len(forecast)):
-        markers += _forecast_markers("pedpred", forecast.predictions, row, row, start[row], colour)
-    return {"markers": [{"header": header(time_ns, frame)} | marker for marker in markers]}
-
-
-def names_markers(forecast: Forecast, names: Sequence[str], time_ns: int, frame: str) -> list[Content]:
-    """Markers with the name of everybody in a forecast, above the head; see `forecast_message`."""
-    start = forecast.position[:, 0] - forecast.dt_s * forecast.velocity[:, 0]
+    for row, at in enumerate(start):
+        markers += _forecast_markers("pedpred", forecast.predictions, row, row, at, colour)
+    for row, (name, at) in enumerate(zip(names, start, strict=True)):
+        above = {"pose": {"position": point(at, _PERSON_M["z"]), **_UNTURNED}}
+        markers.append(_marker("names", row, _TEXT, {"z": _TEXT_M}, _INK, 1.0) | {"text": name} | above)
     here = {"header": header(time_ns, frame)}
-    return [
-        here
-        | _marker("names", row, _TEXT, {"z": _TEXT_M}, _INK, 1.0)
-        | {"text": name, "pose": {"position": point(at, _PERSON_M["z"]), **_UNTURNED}}
-        for row, (name, at) in enumerate(zip(names, start, strict=True))
-    ]
+    return {"markers": [here | marker for marker in markers]}
 
 
 def _window_markers(

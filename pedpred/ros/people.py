@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +31,7 @@ Adapter = Callable[[Any], Iterable[Detected]]
 
 _LARGEST = 2**63 - 1
 _MOST_DIGITS = len(str(_LARGEST))
-_NO_NUMBER, _NOBODY, _NEGATIVE = {"nan", "NaN", "-nan"}, "-1", re.compile(r"-[0-9]+")
+_MINUS_ONE, _NEGATIVE = "-1", re.compile(r"-\d+")
 _UNSIGNED = 2**64 - 1
 _ROBOT = 2
 """The type of a robot among the agents of pedsim and of HuNavSim."""
@@ -101,16 +101,23 @@ class Nameless:
     """Tells ids that mean nobody: empty ones, NaN, and -1 unless others are negative, as in tables."""
 
     def __init__(self) -> None:
-        self._negative = False
+        self._nobody = {"nan", "-nan", _MINUS_ONE}
 
     def note(self, ids: Iterable[str]) -> None:
         """Look for other negative ids."""
-        self._negative |= any(one != _NOBODY and _NEGATIVE.fullmatch(one) for one in ids)
+        if any(one != _MINUS_ONE and _NEGATIVE.fullmatch(one) for one in ids):
+            self._nobody.discard(_MINUS_ONE)
+
+    def note_all(self, messages: Sequence[Sequence[str]]) -> None:
+        """Look at the ids in all messages of a bag: -1 is also somebody where nobody has another id."""
+        for each in messages:
+            self.note(each)
+        if not any(any(self.named(each)) for each in messages):
+            self._nobody.discard(_MINUS_ONE)
 
     def named(self, ids: Iterable[str]) -> tuple[str, ...]:
         """The ids, where those that mean nobody are empty."""
-        nobody = _NO_NUMBER if self._negative else {*_NO_NUMBER, _NOBODY}
-        return tuple("" if one in nobody else one for one in ids)
+        return tuple("" if one.lower() in self._nobody else one for one in ids)
 
 
 class TrackNumbers:

@@ -16,6 +16,9 @@ OK, WARN = 0, 1
 _SILENT_S = 2.0
 _LATEST = 100
 _MANY_LEFT_OUT = 0.1
+_LATE_MS = 300.0
+_WRONG_CLOCK_S, _RECORDED_S = 1.0, 12 * 3600.0
+"""Stamps so far from the clock are wrong; those farther away are of a recording that is played."""
 
 
 class Latencies:
@@ -34,7 +37,12 @@ class Latencies:
 
 
 def diagnose(
-    follower: Follower, now_s: float, publishers: int, before: Counts, kinds: Collection[str] = ()
+    follower: Follower,
+    now_s: float,
+    publishers: int,
+    before: Counts,
+    kinds: Collection[str] = (),
+    latency_ms: float = 0.0,
 ) -> tuple[int, str]:
     """Level and summary: OK, or what is wrong.
 
@@ -44,6 +52,7 @@ def diagnose(
         publishers: how many there are of the people's topic.
         before: what had happened at the last diagnosis.
         kinds: the types that they publish.
+        latency_ms: from people to their forecasts, ms.
     """
     problems = []
     if follower.occupancy is None and follower.settings.use_map:
@@ -67,6 +76,13 @@ def diagnose(
     left_out = follower.counts.left_out - before.left_out
     if left_out > _MANY_LEFT_OUT * messages:
         problems.append(f"of the last {messages} messages of people, {left_out} are left out")
+    if latency_ms > _LATE_MS:
+        problems.append(f"forecasts come {latency_ms:.0f} ms after people: send fewer of them, or less often")
+    if _WRONG_CLOCK_S < abs(follower.stamp_age_s) < _RECORDED_S:
+        problems.append(
+            f"people are stamped {follower.stamp_age_s:.1f} s ago: are clocks of two computers apart, or do "
+            "detections come late?"
+        )
     if follower.counts.jumps - before.jumps > 1:
         problems.append("time jumps again and again, and all are forgotten: do two clocks stamp people?")
     return (
@@ -108,6 +124,7 @@ def told_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
         "left out: people without a forecast": counts.without_forecast,
         "left out: detections of other classes": counts.others,
         "left out: people of other floors": counts.elsewhere,
+        "age of people when they come (s)": f"{follower.stamp_age_s:.2f}",
         "latency, median (ms)": f"{latencies.median_ms():.1f}",
         "age of /tf (s)": "not needed" if age_s is None else f"{age_s:.2f}",
     }

@@ -128,6 +128,7 @@ class Follower:
         heard_s: when the last people were read.
         forecast_s: when those of the last forecast were.
         came_s: when those of the last forecast came, into the queue from which they were read.
+        stamp_age_s: by how much the last people were older than the clock of their stamps when they came.
     """
 
     def __init__(
@@ -141,8 +142,8 @@ class Follower:
         self._decoder, self._frames = Decoder(), LiveFrames()
         self._map = _Map(frame_name(settings.map_frame))
         self._waiting: deque[_Waiting] = deque()
-        self._identities = Identities(settings.identities, settings.people_type)
         self._nameless = Nameless()
+        self._identities = Identities(settings.identities, settings.people_type)
         predictor.name = self._identities.name
         self._named: dict[int, str] = {}
         self._is_behind = False
@@ -153,7 +154,7 @@ class Follower:
         self._odometry: Poses | None = None
         self._views = Views(self._latched, clock)
         self.counts, self.heard_s, self.forecast_s = Counts(), -np.inf, -np.inf
-        self.came_s = -np.inf
+        self.came_s, self.stamp_age_s = -np.inf, 0.0
         self._heard: Instant | None = None
 
     @property
@@ -288,6 +289,8 @@ class Follower:
             text = "left out: detections of class %s; parameter class_ids says who is a person"
             _log.info(text, sorted(others))
         for one in instants:
+            self._nameless.note(one.ids)
+        for one in instants:
             if one.ids and one.array_frame:
                 text = "people are in %r, and the headers of their detections in %r, which counts"
                 _log.warning(text, one.array_frame, one.frame)
@@ -295,12 +298,12 @@ class Follower:
 
     def _queue(self, one: Instant, clock_ns: int, now_s: float, waited_s: float) -> None:
         """Let people wait for their transforms; see `people_came`."""
-        self._nameless.note(one.ids)
         one = replace(one, ids=self._nameless.named(one.ids))
         if not one.time_ns:
             _log.warning("people have no stamp: the time of their arrival is taken")
             time_ns = max(clock_ns - round(waited_s * 1e9), 0)
             one = replace(one, stamp_s=time_ns / 1e9, time_ns=time_ns)
+        self.stamp_age_s = (clock_ns - one.time_ns) / 1e9 - waited_s
         self._heard = one
         if len(self._waiting) >= _MOST_WAITING:  # the first ones stay: their transforms come first
             self.counts.lost += 1

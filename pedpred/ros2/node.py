@@ -290,7 +290,8 @@ class PedpredNode(LifecycleNode):
         kinds = [
             one.topic_type for one in self.get_publishers_info_by_topic(self.resolve_topic_name("people"))
         ]
-        level, summary = diagnose(self._follower, time.monotonic(), len(kinds), self._diagnosed, kinds)
+        latency_ms, now_s = self._latencies.median_ms(), time.monotonic()
+        level, summary = diagnose(self._follower, now_s, len(kinds), self._diagnosed, kinds, latency_ms)
         self._diagnosed = replace(self._follower.counts)
         level, summary = (level, summary) if self._people is not None else (0, "not active")
         values = told_values(self._follower, self._latencies)

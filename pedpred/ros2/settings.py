@@ -60,7 +60,7 @@ class NodeSettings:
     map_frame: str = _told("map", "frame of the forecasts until a map comes, whose frame counts")
     transform_timeout_s: float = _told(0.2, "how long people wait for the transform of their time, s", True)
     max_wait_s: float = _told(
-        2.0,
+        0.3,
         "people who waited longer for forecasts of others are left out, until the rest is in time, s",
         True,
     )

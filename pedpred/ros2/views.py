@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from pedpred.ros.markers import forecast_message, names_markers
+from pedpred.ros.markers import forecast_message
 from pedpred.ros.planning import GRID_TYPE, grid_messages
 from pedpred.ros2.grounds import Grounds
 from pedpred.ros2.latched import Latched, nobody
@@ -65,8 +65,7 @@ class Views:
         try:
             if self._latched.wants(MARKERS, settings.publish_markers, len(forecast)):
                 shown = forecast if settings.publish_markers else nobody(forecast, forecast.time_s)
-                content = forecast_message(shown, _COLOUR, time_ns, frame)
-                content["markers"] += names_markers(shown, named[: len(shown)], time_ns, frame)
+                content = forecast_message(shown, named[: len(shown)], _COLOUR, time_ns, frame)
                 yield Answer(MARKERS, MARKERS_TYPE, content)
             yield from self._grids(forecast, time_ns, frame, ground, settings.occupancy_cell_m)
         finally:

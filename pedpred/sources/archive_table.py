@@ -63,17 +63,7 @@ def copy_table(archive: Path, out: BinaryIO, most_rows: int) -> None:
                     f"the data are compressed with {name.decode() or 'a filter'} ({code}), which is not read"
                 )
                 raise ValueError(f"{what}: bring them to gzip with h5repack -f GZIP=4, or write SQLite")
-        if table.ndim != 1:
-            raise ValueError(f"'trajectory' has the shape {table.shape}, it must be a list of rows")
-        if table.size > most_rows:
-            raise ValueError(f"'trajectory' has {table.size} rows, more than {most_rows} rows are not read")
-        columns = {name: np.asarray(table.fields(name)[:]) for name in COLUMNS}
-        for name, values in columns.items():
-            if values.dtype.kind not in "iuf":
-                raise ValueError(f"column {name} has the type {values.dtype}, which is not a number")
-            if values.ndim != 1:
-                raise ValueError(f"column {name} has the shape {values.shape}, it must be a list of numbers")
-            columns[name] = values.astype(values.dtype.newbyteorder("="), copy=False)
+        columns = _columns(table, most_rows)
         said = table.attrs.get("fps", file.attrs.get("fps", ()))
         if schema == 2:
             said = 1 / (float(file.attrs["dt"]) * float(file.attrs["every_nth_frame"]))
@@ -87,6 +77,26 @@ def copy_table(archive: Path, out: BinaryIO, most_rows: int) -> None:
     for values in columns.values():
         out.write(np.ascontiguousarray(values).data)
     out.flush()
+
+
+def _columns(table: h5py.Dataset, most_rows: int) -> dict[str, np.ndarray]:
+    """The columns of `COLUMNS`, as numbers of this machine.
+
+    Raises:
+        ValueError: the table is none, has too many rows, or a column holds no numbers.
+    """
+    if table.ndim != 1:
+        raise ValueError(f"'trajectory' has the shape {table.shape}, it must be a list of rows")
+    if table.size > most_rows:
+        raise ValueError(f"'trajectory' has {table.size} rows, more than {most_rows} rows are not read")
+    columns = {name: np.asarray(table.fields(name)[:]) for name in COLUMNS}
+    for name, values in columns.items():
+        if values.dtype.kind not in "iuf":
+            raise ValueError(f"column {name} has the type {values.dtype}, which is not a number")
+        if values.ndim != 1:
+            raise ValueError(f"column {name} has the shape {values.shape}, it must be a list of numbers")
+        columns[name] = values.astype(values.dtype.newbyteorder("="), copy=False)
+    return columns
 
 
 def _own(file: h5py.File, *names: str) -> h5py.Dataset:

@@ -87,9 +87,9 @@ class Beginning:
     def _is_utf_16(self) -> bool:
         return self.raw.startswith(UTF_16)
 
-    def line(self, comment: str = "#") -> str:
+    def line(self) -> str:
         """The first line that is not a comment; empty where there is none."""
-        return next((line for line in self.lines if not line.startswith(comment)), "")
+        return next((line for line in self.lines if not line.startswith("#")), "")
 
     def foreign(self) -> SourceError | None:
         """The error that names what a file is, if it can be no table; else None."""

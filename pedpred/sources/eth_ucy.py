@@ -15,14 +15,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pedpred.errors import SourceError
 from pedpred.fields import parsed
 from pedpred.files import translate_errors
 from pedpred.scenes import Scene, Trajectories
-from pedpred.sources.ewap import EwapSettings, free_ground
-from pedpred.tables.text import check_unique, read_numbers, text_rows
+from pedpred.sources.ewap import EwapSettings, free_ground, read_annotations
 
 COLUMNS = ("frame", "id", "x", "y")
 
@@ -52,12 +49,8 @@ def read_text(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
     """
     how: EthUcySettings = parsed(EthUcySettings, settings)
     path = folder / f"{how.recording}.txt"
-    columns = read_numbers(path, text_rows(path), COLUMNS, {column: column for column in COLUMNS})
-    if not len(columns["line"]):
-        raise SourceError(path, None, "no annotations, the file is empty")
-    check_unique(path, columns, "frame", "id")
-    position = np.stack([columns["x"], columns["y"]], axis=-1)
+    rows = read_annotations(path, COLUMNS, ("x", "y"))
     with translate_errors(partial(SourceError, path, None)):
-        trajectories = Trajectories(columns["frame"] / how.frame_rate_hz, columns["id"], position)
-        ground = free_ground(position, how.resolution_m, how.margin_m)
+        trajectories = Trajectories(rows.frame / how.frame_rate_hz, rows.track_id, rows.position)
+        ground = free_ground(rows.position, how.resolution_m, how.margin_m)
     return Scene(name, trajectories, ground, how.annotation_frames / how.frame_rate_hz)

@@ -13,7 +13,7 @@ The velocity columns are never used: they are central differences, so they conta
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -37,8 +37,8 @@ _BORDER = 0.1  # how far outside the picture an annotation may lie, in sides of 
 
 
 @dataclass(frozen=True)
-class _Annotations:
-    """The rows of `obsmat.txt`: frame [M], track_id [M], position [M, 2] (world, m), line [M]."""
+class Annotations:
+    """The rows of `read_annotations`: frame [M], track_id [M], position [M, 2] (world, m), line [M]."""
 
     frame: np.ndarray
     track_id: np.ndarray
@@ -83,7 +83,7 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
     homography = _read_homography(folder / "H.txt")
     blocked = _read_image(folder / "map.png", "L") > _BRIGHTEST_FREE
     camera = _read_camera(folder, homography, blocked.shape)
-    rows = _read_annotations(folder / "obsmat.txt")
+    rows = read_annotations(folder / "obsmat.txt", COLUMNS, ("pos_x", "pos_y"))
     _check_in_picture(folder, rows, homography, blocked.shape)
     groups = _read_groups(folder / "groups.txt", set(rows.track_id.tolist()))
     with translate_errors(partial(SourceError, folder / "obsmat.txt", None)):
@@ -111,13 +111,23 @@ def merged(groups: Iterable[set[int]]) -> list[set[int]]:
     return sorted(apart, key=min)
 
 
-def _read_annotations(path: Path) -> _Annotations:
-    columns = read_numbers(path, text_rows(path), COLUMNS, {name: name for name in COLUMNS})
+def read_annotations(path: Path, titles: Sequence[str], axes: tuple[str, str]) -> Annotations:
+    """Read a text whose rows are one person in one frame each.
+
+    Args:
+        path: the file.
+        titles: of its columns; `frame` and `id` are among them.
+        axes: titles of the columns of x and y.
+
+    Raises:
+        SourceError: the file is missing, empty or wrong, or somebody is in a frame twice; it names the line.
+    """
+    columns = read_numbers(path, text_rows(path), titles, {name: name for name in titles})
     if not len(columns["line"]):
         raise SourceError(path, None, "no annotations, the file is empty")
     check_unique(path, columns, "frame", "id")
-    position = np.stack([columns["pos_x"], columns["pos_y"]], axis=-1)
-    return _Annotations(columns["frame"], columns["id"], position, columns["line"])
+    position = np.stack([columns[axis] for axis in axes], axis=-1)
+    return Annotations(columns["frame"], columns["id"], position, columns["line"])
 
 
 def _read_homography(path: Path) -> Homography:
@@ -159,7 +169,7 @@ def _read_image(path: Path, mode: str) -> np.ndarray:
 
 
 def _check_in_picture(
-    folder: Path, rows: _Annotations, homography: Homography, shape: tuple[int, ...]
+    folder: Path, rows: Annotations, homography: Homography, shape: tuple[int, ...]
 ) -> None:
     """People were annotated in the video, so that their positions must project into the picture."""
     pixels = homography.to_image(rows.position)

@@ -10,6 +10,7 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
+from pedpred.storage.tracks import tracks_of
 from pedpred.tables.detections import without_copies
 from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ, TableOptions, is_same_rate
 
@@ -62,6 +63,5 @@ def tracks_in_frames(
         SourceError: somebody is at two places at once, or a value is impossible.
     """
     columns = without_copies(path, columns, clock="frame", counted=counted)
-    position = np.stack([columns["x_m"], columns["y_m"]], axis=-1)
     with translate_errors(partial(SourceError, path, None)):
-        return Trajectories(columns["frame"] / rate_hz, columns["track_id"], position)
+        return tracks_of(columns | {"time_s": columns["frame"] / rate_hz}, path)

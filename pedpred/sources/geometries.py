@@ -13,6 +13,9 @@ from pedpred.sources.geometry_wkt import read_wkt
 from pedpred.sources.geometry_xml import read_xml
 from pedpred.sources.walls import Walls, occupancy_of
 
+CELL_M, WALL_M, _OPEN_END_M = 0.05, 3.0, 6.0
+"""Of maps made from geometries, m: side of a cell, thickness of walls, length of what is beyond open ends."""
+
 _WRONG = 'Correct the file or the open ends. Lengths are metres, in XML also cm with unit="cm"'
 GEOMETRIES: dict[str, Callable[[Path], Walls]] = {".xml": read_xml, ".wkt": read_wkt}
 
@@ -35,17 +38,17 @@ def read_walls(path: Path) -> Walls:
 
 
 def read_ground(
-    path: Path,
-    walls: Walls,
-    resolution_m: float,
-    thickness_m: float,
-    open_ends: Sequence[Sequence[Sequence[float]]] = (),
-    open_end_m: float = 0.0,
+    path: Path, walls: Walls, open_ends: Sequence[Sequence[Sequence[float]]] = ()
 ) -> OccupancyMap:
-    """Draw the walls of a file as a map; the other arguments are those of `occupancy_of`.
+    """Draw the walls of a file as a map.
+
+    Args:
+        path: of the file, for errors.
+        walls: what it says.
+        open_ends: see `occupancy_of`.
 
     Raises:
         SourceError: they make no map, or an open end does not lie on them.
     """
     with translate_errors(partial(SourceError, path, None, remedy=_WRONG)):
-        return occupancy_of(walls, resolution_m, thickness_m, open_ends, open_end_m)
+        return occupancy_of(walls, CELL_M, WALL_M, open_ends, _OPEN_END_M)

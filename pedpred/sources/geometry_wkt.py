@@ -54,7 +54,8 @@ def parse_wkt(path: Path, text: str) -> Walls:
         raise wording(f"a geometry of {len(text)} characters, at most {LARGEST_BYTES} are read")
     with translate_errors(wording):
         parts = [part for one in _geometries(text) for part in _parts(one)]
-        _check(parts)
+        if not (np.abs(shapely.get_coordinates(parts)) <= FARTHEST_M).all():
+            raise ValueError(f"a coordinate is not a number or farther than {FARTHEST_M:g} from the origin")
         parts = [sound for part in parts for sound in _sound(path, part)]
     outlines = tuple(
         tuple(np.array(ring.coords)[:-1, :2] for ring in (part.exterior, *part.interiors))
@@ -113,9 +114,3 @@ def _sound(path: Path, part: shapely.Geometry) -> Iterator[shapely.Geometry]:
     holes = shapely.make_valid([shapely.Polygon(ring) for ring in part.interiors])
     ground = shapely.make_valid(outline).difference(shapely.union_all(holes))
     yield from (each for each in shapely.get_parts(ground) if isinstance(each, shapely.Polygon))
-
-
-def _check(parts: list[shapely.Geometry]) -> None:
-    coordinates = shapely.get_coordinates(parts)
-    if not (np.abs(coordinates) <= FARTHEST_M).all():
-        raise ValueError(f"a coordinate is not a number or farther than {FARTHEST_M:g} from the origin")

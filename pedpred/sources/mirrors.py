@@ -21,14 +21,14 @@ import urllib.request
 import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from http.client import HTTPException
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pedpred.errors import FetchError, ValueRuleError
-from pedpred.fields import check_ranges, parsed
+from pedpred.fields import check_mapping, check_ranges, parsed
 from pedpred.sources.archives import unpack_members
-from pedpred.sources.mirror_row import MirrorRow
 
 _SCHEMES = ("https://", "file://")
 _FAILURES = (OSError, ValueError, EOFError, RecursionError, HTTPException, tarfile.TarError, zlib.error)
@@ -48,7 +48,7 @@ class Mirrors:
         folders: mirrors tried first.
         archives: mirrors tried afterwards, paths or addresses.
         timeout_s: longest silence of a server, s.
-        sums: SHA-256 sum of each file by its path inside the data set.
+        sha256sums: lines as `sha256sum` prints them, with the path of a file inside the data set.
         optional: file names that a mirror may lack.
         inside: where a file is in archives, if that is not its path inside the data set.
     """
@@ -57,12 +57,15 @@ class Mirrors:
     folders: tuple[str, ...]
     archives: tuple[str, ...]
     timeout_s: float
-    sums: Mapping[str, str]
-    optional: frozenset[str] = frozenset()
+    sha256sums: tuple[str, ...]
+    optional: tuple[str, ...] = ()
     inside: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_ranges(self, {"timeout_s": "(0, 3600]"})
+        for line in self.sha256sums:
+            if len(line.split(maxsplit=1)) != 2:
+                raise ValueRuleError("sha256sums", line, "a line holds a sum and the path of a file")
         if strangers := sorted(set(self.inside) - set(self.sums)):
             raise ValueRuleError("inside", strangers, "these files have no line in sha256sums")
         for name, digest in self.sums.items():
@@ -71,16 +74,20 @@ class Mirrors:
 
     @classmethod
     def parse(cls, data_set: str, plain: Mapping[str, Any]) -> Mirrors:
-        """Build from a plain dictionary of the fields of `MirrorRow`.
+        """Build from a plain dictionary of the other fields.
 
         Raises:
             ValueRuleError: a field is missing or unknown, or breaks its rule.
         """
-        row: MirrorRow = parsed(MirrorRow, plain)
-        sums = {name: digest for digest, name in (line.split(maxsplit=1) for line in row.sha256sums)}
-        return cls(
-            data_set, row.folders, row.archives, row.timeout_s, sums, frozenset(row.optional), row.inside
-        )
+        check_mapping(data_set, plain)
+        if "data_set" in plain:
+            raise ValueRuleError("data_set", plain["data_set"], "it is the name of the row: omit it")
+        return parsed(cls, {"data_set": data_set, **plain})
+
+    @cached_property
+    def sums(self) -> dict[str, str]:
+        """The SHA-256 sum of each file."""
+        return {name: digest for digest, name in (line.split(maxsplit=1) for line in self.sha256sums)}
 
     @property
     def members(self) -> dict[str, str]:

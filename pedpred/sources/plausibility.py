@@ -27,6 +27,8 @@ _FAR = 4.0
 """Of tracks that are too fast, steps must be shorter by this factor."""
 _JUMP_MPS, _SLOWEST_MPS = 12.0, 0.05
 """Nobody runs as fast as the first. Walkers exceed a speed between the others in 1 % of the time."""
+_CRAWL_MPS, _WALK_MPS = 0.3, 0.5
+"""Nobody is as slow as the first all the time, and walkers exceed the second."""
 _USUAL_MPS = 3.0
 """Where it lies at most in the unit that is meant."""
 _LIKELY = ("m", "ft", "cm", "mm")
@@ -218,6 +220,30 @@ def doubt_fractions(path: Path, people: Trajectories) -> None:
         _log.warning(text, path, f"Then {remedy}")
 
 
+def doubt_rate(path: Path, people: Trajectories, rate_hz: float, by_caller: bool) -> None:
+    """Warn if people hardly walk, and would if the rate were that of the frames that are there.
+
+    Args:
+        path: the file, for messages.
+        people: what was read from it.
+        rate_hz: frames per second, by which frame numbers were divided.
+        by_caller: whether the caller has said it, and not the file.
+    """
+    frames = np.unique(np.rint(people.time_s * rate_hz).astype(np.int64))
+    every, speed_mps = int(np.gcd.reduce(np.diff(frames))) if len(frames) > 1 else 1, _speeds_mps(people)
+    usual_mps = float(np.percentile(speed_mps, 99)) if len(speed_mps) else np.inf
+    if every > 1 and usual_mps < _CRAWL_MPS and _WALK_MPS < every * usual_mps <= _USUAL_MPS:
+        text = (
+            "%s: frame numbers are multiples of %d: at %g frames per second people move at up to %.2g m/s; %s"
+        )
+        right = f"{every * rate_hz:g}"
+        say = (
+            f"say {worded(f'--rate {right}', f'rate_hz={right}')}" if by_caller else f"correct it to {right}"
+        )
+        instead = f"if there are {rate_hz:g} of these per second, {say}: {every * usual_mps:.2g} m/s"
+        _log.warning(text, path, every, rate_hz, usual_mps, instead)
+
+
 def check_titles(path: Path, people: Trajectories) -> None:
     """Check that the titles of a table are not those of other columns.
 
@@ -241,12 +267,16 @@ def check_places(path: Path, people: Trajectories, remedy: str) -> None:
         remedy: what to do otherwise.
 
     Raises:
-        SourceError: one of them does, or several people are always at one place.
+        SourceError: one of them does, or several people are always, or mostly, at one place.
     """
     if len(np.unique(people.track_id)) > 1 and not np.ptp(people.position, axis=0).any():
         place = ", ".join(f"{value:.10g}" for value in people.position[0])
         raise SourceError(path, None, f"everybody is always at ({place}): x and y hold no positions", remedy)
     people = _begin_of(people)
+    together, of = _instants_at_one_place(people)
+    if together >= _FEWEST_STEPS and 2 * together > of:
+        where = f"in {together} of {of} instants with several people, all of them are at exactly one place"
+        raise SourceError(path, None, f"{where}: x and y are those of something else", remedy)
     for title, values in zip("xy", people.position.T, strict=True):
         problem = None
         if _is_clock(people, values):
@@ -255,6 +285,18 @@ def check_places(path: Path, people: Trajectories, remedy: str) -> None:
             problem = f"{title} holds few whole numbers, as ids do: the columns look exchanged"
         if problem:
             raise SourceError(path, None, problem, remedy)
+
+
+def _instants_at_one_place(people: Trajectories) -> tuple[int, int]:
+    """In how many of the instants with several people all are at the same place, and how many there are."""
+    if not len(people):
+        return 0, 0
+    order = np.argsort(people.time_s, kind="stable")
+    first = np.flatnonzero(np.diff(people.time_s[order], prepend=-np.inf))
+    several = np.diff(np.r_[first, len(order)]) > 1
+    place = people.position[order]
+    spread = np.maximum.reduceat(place, first) - np.minimum.reduceat(place, first)
+    return int((several & ~spread.any(axis=1)).sum()), int(several.sum())
 
 
 def _begin_of(people: Trajectories) -> Trajectories:

@@ -24,7 +24,14 @@ from pedpred.sources import (
     viswalk,
 )
 from pedpred.sources.beginnings import Beginning
-from pedpred.sources.plausibility import check_degrees, check_speeds, check_titles, doubt_fractions
+from pedpred.sources.geometries import CELL_M, WALL_M
+from pedpred.sources.plausibility import (
+    check_degrees,
+    check_speeds,
+    check_titles,
+    doubt_fractions,
+    doubt_rate,
+)
 from pedpred.sources.times import check_brief, check_clock, check_digits, doubt_whole_seconds
 from pedpred.sources.untitled import read_untitled
 from pedpred.sources.walls import Walls, occupancy_of
@@ -35,9 +42,6 @@ from pedpred.tables.placeholders import without_placeholders
 from pedpred.tables.reading import read_table
 from pedpred.tables.titles import naming
 from pedpred.tables.units import PIXELS
-
-CELL_M, WALL_M = 0.05, 3.0
-"""Of maps made from geometries, m: side of a cell, thickness of walls."""
 
 _NOBODY = "no detections: no row is left that says when somebody is where"
 
@@ -160,6 +164,8 @@ def checked_interval_s(
     if not sure:
         check_brief(path, people)
     check_speeds(path, people, sure, fixed=fixed, said=said)
+    if options.found.rate_hz is not None:
+        doubt_rate(path, people, options.found.rate_hz, options.rate_hz is not None)
     return dt_s
 
 

@@ -17,7 +17,7 @@ from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.sources.beginnings import NO_PEDESTRIAN, Beginning
-from pedpred.tables.detections import without_copies
+from pedpred.sources.frames import tracks_in_frames
 from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import on_ground
 from pedpred.tables.text import Row, check_width, read_numbers, text_lines
@@ -48,11 +48,10 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     columns = read_numbers(path, _pedestrians(path), _COLUMNS, _NAMES)
     if not len(columns["line"]):
         raise SourceError(path, None, 'no row with the label "Pedestrian" that is not lost', NO_PEDESTRIAN)
-    columns = without_copies(path, columns, clock="frame")
     x, y = (columns[f"{axis}min"] / 2 + columns[f"{axis}max"] / 2 for axis in "xy")
     with translate_errors(partial(SourceError, path, None)):
-        position = on_ground(path, options, x, y, columns["line"])
-        return Trajectories(columns["frame"] / (options.rate_hz or _USUAL_HZ), columns["track_id"], position)
+        columns["x_m"], columns["y_m"] = on_ground(path, options, x, y, columns["line"]).T
+    return tracks_in_frames(path, columns, options.rate_hz or _USUAL_HZ)
 
 
 def _pedestrians(path: Path) -> Iterator[Row]:

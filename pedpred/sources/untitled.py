@@ -19,7 +19,9 @@ import numpy as np
 from pedpred.errors import SourceError
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
+from pedpred.sources.axes import misplaced_axis
 from pedpred.sources.plausibility import check_places, ids_come_first
+from pedpred.storage.tracks import tracks_of
 from pedpred.tables.clocks import set_time
 from pedpred.tables.comments import NO_RATE, frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import is_time
@@ -34,6 +36,7 @@ from pedpred.tables.reading import in_metres, numbered
 from pedpred.tables.text import OWN_FILE, OWN_VALUES, Row, is_number, read_numbers
 from pedpred.tables.titles import LENGTHS
 from pedpred.tables.units import PIXELS
+from pedpred.tables.values import Values
 
 COLUMNS = ("id", "frame", "x", "y")
 _NAMES = ("track_id", "frame", "x_m", "y_m")
@@ -72,44 +75,42 @@ def read_untitled(path: Path, options: TableOptions) -> Trajectories:
     rows = still.watched(with_positions(path, rows, (2, 3), 0))
     rows = with_decimal_points(path, rows, range(len(COLUMNS)), lines.separator)
     both = Ids(path, COLUMNS[0], _REMEDY), Ids(path, COLUMNS[1], _REMEDY)
-    rows = both[1].numbered(both[0].numbered(rows, 0), 1)
+    values_of = Values(range(len(COLUMNS), len(first)))
+    rows = values_of.watched(both[1].numbered(both[0].numbered(rows, 0), 1))
     columns = read_numbers(path, rows, titles, dict(zip(COLUMNS, _NAMES, strict=True)), _WRONG)
     if moves := still.moving_column():
         problem = f"without a header, column {_Y + 1} should be y, but it {moves[1]}"
         raise SourceError(path, None, problem, _IN_ORDER)
-    x = columns["x_m"].copy()
+    written = np.stack([columns[name] for name in LENGTHS])
     unit = unit_of_lengths(path, lines.comments, options)
     if unit == PIXELS and len(titles) > len(COLUMNS):
         problem = f"without a header, {len(titles)} columns in pixels may be those of boxes"
         raise SourceError(path, line, problem, _REMEDY.replace("time", "frame"))
     in_metres(path, columns, dict.fromkeys(LENGTHS, unit), options)
-    position = np.stack([columns.pop(name) for name in LENGTHS], axis=-1)
+    read = [(ids, columns.pop(name)) for ids, name in zip(both, _NAMES, strict=False)]
     fractions = [ids.holds_fractions() for ids in both]
-    ids_first = fractions[1] if any(fractions) else _ids_first(path, both, columns, position, titles)
-    (who, clock), names = (both, _NAMES) if ids_first else (both[::-1], _NAMES[1::-1])
-    values = {"line": columns["line"], "x_m": position[:, 0], "y_m": position[:, 1]}
-    values["track_id"] = numbered(who, columns[names[0]], options)
+    ids_first = fractions[1] if any(fractions) else _ids_first(path, read, columns, titles)
+    (who, whose), (clock, when) = read if ids_first else read[::-1]
+    columns["track_id"] = numbered(who, whose, options)
     if any(fractions):
         order, clock_is, rate_hz = ("id", "time"), "s", None
-        values["time_s"] = clock.written(columns[names[1]])
+        columns["time_s"] = clock.written(when)
         again = _without_row_numbers(path, lines_of(path, header=False).rows)
-        check_fractions(path, values, ((line, fields[int(ids_first)]) for line, fields in again))
+        check_fractions(path, columns, ((line, fields[int(ids_first)]) for line, fields in again))
     else:
         rate_hz = frame_rate_hz(path, lines.comments, options.rate_hz)
         if rate_hz is None:
             raise SourceError(path, None, *NO_RATE)
-        order, clock_is = ("id", "frame"), f"{rate_hz:g} Hz"
-        values["frame"] = _frames(clock, columns[names[1]])
-    set_time(path, values, None, rate_hz)
-    if still.others_change() and (cause := _other_than_x(x, values["track_id"], values["time_s"])):
-        raise SourceError(path, None, f"without a header, column 3 should be x, but it {cause}", _IN_ORDER)
-    doubt_restarts(path, values)
-    values = without_copies(path, without_untracked(path, values), options.names)
+        order, clock_is, options.found.rate_hz = ("id", "frame"), f"{rate_hz:g} Hz", rate_hz
+        columns["frame"] = _frames(clock, when)
+    set_time(path, columns, None, rate_hz)
+    _check_axes(path, still, written, values_of.array(), columns)
+    doubt_restarts(path, columns)
+    columns = without_copies(path, without_untracked(path, columns, options.names), options.names)
     shown = ", ".join(order if ids_first else order[::-1])
     _log.info("%s: each line is %s, x, y, as people move (%s, %s)", path, shown, unit or "m", clock_is)
     with translate_errors(partial(SourceError, path, None, remedy=OWN_VALUES)):
-        position = np.stack([values["x_m"], values["y_m"]], axis=-1)
-        people = Trajectories(values["time_s"], values["track_id"], position)
+        people = tracks_of(columns, path)
     check_places(path, people, _REMEDY)
     return people
 
@@ -135,15 +136,44 @@ def _check_columns(path: Path, line: int, fields: Sequence[str]) -> None:
         raise SourceError(path, line, problem, _BOXES)
 
 
+def _check_axes(
+    path: Path, still: Still, written: np.ndarray, others: np.ndarray, columns: Mapping[str, np.ndarray]
+) -> None:
+    """Check that people move along what is taken as x and y, in the unit of the file [2, M], as people do.
+
+    Raises:
+        SourceError: x is something else, or another column [K, M] is one of the two.
+    """
+    keys = columns["track_id"], columns["time_s"]
+    if still.others_change() and (cause := _other_than_x(written[0], *keys)):
+        raise SourceError(path, None, f"without a header, column 3 should be x, but it {cause}", _IN_ORDER)
+    if misplaced := misplaced_axis(written, others, *keys):
+        taken, other = misplaced[0] + COLUMNS.index("x"), misplaced[1] + len(COLUMNS)
+        problem = f"without a header, column {taken + 1} should be {COLUMNS[taken]}, but people hardly move "
+        problem += f"along it, and they do along column {other + 1}"
+        raise SourceError(path, None, problem, _IN_ORDER)
+
+
 def _is_box(fields: Sequence[str]) -> bool:
-    """Whether a line is one of MOTChallenge: a box, and behind it -1 three times, or class and visibility."""
+    """Whether a line is one of MOTChallenge: a box, and behind it -1 three times, or class and visibility.
+
+    VisDrone has class, truncation and occlusion there.
+    """
     if len(fields) not in (9, 10) or not all(map(is_number, fields)):
         return False
     _, _, _, _, width, height, sure, *rest = map(float, fields)
-    ends = rest == [-1] * 3 or (
-        len(rest) == 2 and sure in (0, 1) and rest[0].is_integer() and 0 <= rest[1] <= 1
+    ends = (
+        rest == [-1] * 3
+        or (len(fields) == 10 and _are_kinds(fields[-3:]))
+        or (len(rest) == 2 and sure in (0, 1) and rest[0].is_integer() and 0 <= rest[1] <= 1)
     )
     return ends and min(width, height) > 1
+
+
+def _are_kinds(fields: Sequence[str]) -> bool:
+    """Whether three fields are a class, and how much of a box is cut off and hidden, as VisDrone has them."""
+    kind, *shares = (field.strip() for field in fields)
+    return kind.isdecimal() and int(kind) <= 11 and set(shares) <= {"0", "1", "2"}
 
 
 def _is_box_on_ground(fields: Sequence[str]) -> bool:
@@ -151,7 +181,8 @@ def _is_box_on_ground(fields: Sequence[str]) -> bool:
     if len(fields) != len(_BOX_ON_GROUND) or not all(map(is_number, fields)):
         return False
     _, _, _, _, width, height, sure, *place = map(float, fields)
-    return height > width >= _NARROWEST_PX and abs(sure) <= 1 and place != [-1] * 3
+    is_place = place != [-1] * 3 and not _are_kinds(fields[-3:])
+    return height > width >= _NARROWEST_PX and abs(sure) <= 1 and is_place
 
 
 def _without_row_numbers(path: Path, rows: Iterator[Row]) -> Iterator[Row]:
@@ -179,16 +210,15 @@ def _numbers_rows(columns: Sequence[Sequence[str]]) -> bool:
 
 def _ids_first(
     path: Path,
-    both: tuple[Ids, Ids],
+    read: Sequence[tuple[Ids, np.ndarray]],
     columns: Mapping[str, np.ndarray],
-    position: np.ndarray,
     titles: Sequence[str],
 ) -> bool:
     """Whether ids come before frames; where that stays open, people are asked."""
-    left, right = (ids.whole(columns[name]) for ids, name in zip(both, _NAMES, strict=False))
+    left, right = (ids.whole(written) for ids, written in read)
     if left is None or right is None:
         return right is not None
-    ids_first = ids_come_first(left, right, position)
+    ids_first = ids_come_first(left, right, np.stack([columns[name] for name in LENGTHS], axis=-1))
     if ids_first is None:
         one, other = (",".join([*order, *titles[2:]]) for order in (("id", "frame"), ("frame", "id")))
         problem = "without a header, the first two columns could be id and frame, or frame and id"

@@ -91,13 +91,9 @@ class Dates:
             if self._days is not None and not self.read_dates:
                 day = _day_alone(fields[self._days])
                 self._pass_over(day if _DATE.match(day) else "")
-            yield (
-                line,
-                [*fields[:at], self._seconds(line, fields, count), *fields[at + 1 :]]
-                if self.read_dates
-                else fields,
-            )
-
+            if self.read_dates:
+                fields = [*fields[:at], self._seconds(line, fields, count), *fields[at + 1 :]]
+            yield line, fields
         if len(self._not_used) > 1:
             shown = " and ".join(self._not_used)
             text = (

@@ -136,14 +136,19 @@ def _at_two_places(
     return SourceError(path, line, problem, remedy)
 
 
-def without_untracked(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def without_untracked(
+    path: Path, columns: dict[str, np.ndarray], names: TrackNames | None = None
+) -> dict[str, np.ndarray]:
     """Leave out rows with the id -1 where no other id is negative: trackers write it for nobody.
 
     Args:
         path: the file, for messages.
         columns: [M] each, with `line` and `track_id`.
+        names: of tracks whose ids are words; one may be called -1.
     """
-    nobody = columns["track_id"] == -1
+    called = names.of_number if names else {}
+    named = [number for number, name in called.items() if name in ("-1", "-1.0")]
+    nobody = np.isin(columns["track_id"], named or [-1])
     if not nobody.any() or nobody.all() or (columns["track_id"][~nobody] < 0).any():
         return columns
     left_out = _Count(int(nobody.sum()), int(columns["line"][nobody].min()))

@@ -12,6 +12,7 @@ from pedpred.files import read_lines
 UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 """How texts in UTF-16 begin."""
 
+_MARK = "\ufeff"
 _HANDLER, _WINDOWS = "pedpred.western", "cp1252"
 _log = logging.getLogger(__name__)
 
@@ -19,7 +20,8 @@ _log = logging.getLogger(__name__)
 def decoded_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Number (from 1) and content of each line that is not blank; see `read_lines`.
 
-    Bytes that are not UTF-8 are read as Windows-1252, with a warning at the end.
+    Marks of UTF-8 at the beginning of lines, as where files were joined, are left out. Bytes that are not
+    UTF-8 are read as Windows-1252, with a warning at the end.
 
     Args:
         path: a text; a byte order mark means UTF-16.
@@ -30,7 +32,10 @@ def decoded_lines(path: Path) -> Iterator[tuple[int, str]]:
     with path.open("rb") as file:
         encoding = "utf-16" if file.read(2) in UTF_16 else "utf-8-sig"
     before = _western.count
-    yield from read_lines(path, encoding, _HANDLER)
+    for number, line in read_lines(path, encoding, _HANDLER):
+        text = line.removeprefix(_MARK)
+        if text is line or not text.isspace():
+            yield number, text
     if (count := _western.count - before) > 0:
         _log.warning("%s: not all of the text is UTF-8: %d bytes are read as Windows-1252", path, count)
 

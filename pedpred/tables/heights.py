@@ -5,11 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
+import numpy as np
+
 from pedpred.tables.text import Row
+from pedpred.tables.values import number_in
 
 _MUCH, _FAR = 10.0, 0.1
 """People move along the ground's second axis more than their heights change, by the first factor, and by at
 least the second share of how far they move along x."""
+
+_STOREY_M, _FEW = 2.0, 0.1
+"""Floors are farther apart, and each has more than this share of the detections."""
 
 
 class Still:
@@ -37,7 +43,7 @@ class Still:
                 for k in self._changed:
                     self._changed[k] |= fields[k].strip() != self._first[k]
                 for k, (least, most) in self._range.items():
-                    value = _number(fields[k])
+                    value = number_in(fields[k])
                     self._range[k] = min(least, value), max(most, value)
             yield line, fields
 
@@ -54,13 +60,22 @@ class Still:
             return None
         width = {k: most - least for k, (least, most) in self._range.items()}
         least = max(_MUCH * width[self._at], _FAR * width[self._beside])
-        far = [k for k in self._others if width[k] > least]
+        most = width[self._beside] / _FAR  # else x does not change, either, as in degrees beside an altitude
+        far = [k for k in self._others if least < width[k] < most]
         return (far[0], f"changes by {width[self._at]:.3g} in all") if far else None
 
 
-def _number(field: str) -> float:
-    """The number in a field; NaN, which is passed over, if there is none."""
-    try:
-        return float(field.replace(",", "."))
-    except ValueError:
-        return math.nan
+def floors_apart(heights: np.ndarray, unit_m: float) -> tuple[float, float] | None:
+    """The heights below and above which people are, with nobody between them; None: there are none.
+
+    Args:
+        heights: NaN where there is none. [M]
+        unit_m: their unit, m.
+    """
+    known = np.sort(heights[np.isfinite(heights)])
+    inner = known[int(_FEW * len(known)) : math.ceil((1 - _FEW) * len(known))]
+    if len(inner) < 2:
+        return None
+    gap = int(np.argmax(np.diff(inner)))
+    low, high = inner[gap], inner[gap + 1]
+    return (float(low), float(high)) if (high - low) * unit_m >= _STOREY_M else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +20,7 @@ _LONGEST_NAME, _MOST_NAMES = 200, 500_000
 _FEW_FRACTIONS = 0.25  # more are not errors
 _LONGEST_PLAIN = 18  # digits that fit into 64 bits
 _NOBODY = MISSING - {"-", ".", "na", "nat", "nil"}  # these may be names
+_NO_ID = "{} = {!r}, but everybody needs an id"
 _log = logging.getLogger(__name__)
 
 
@@ -46,15 +47,25 @@ class Ids:
     later: dict[str, int] = field(default_factory=dict)
     first_lines: array[int] = field(default_factory=lambda: array("q"))
 
-    def numbered(self, rows: Iterable[Row], at: int) -> Iterator[Row]:
+    def numbered(self, rows: Iterable[Row], at: int, places: Sequence[int] = ()) -> Iterator[Row]:
         """Let column `at` hold whole numbers alone.
+
+        Args:
+            rows: the lines.
+            at: the column of ids.
+            places: columns of x and y; rows that have these and no id are about nobody who was tracked, and
+                left out, unless all are so.
 
         Raises:
             SourceError: an id is empty or too long, or there are too many; it names the line.
         """
+        nobody: list[int] = []
         for line, fields in rows:
             name = fields[at].strip()
-            if not self.later and is_plain(name):
+            if name.lower() in _NOBODY and places and all(is_number(fields[k]) for k in places):
+                nobody = nobody or [line, 0]
+                nobody[1] += 1
+            elif not self.later and is_plain(name):
                 self.plain_rows += 1
                 yield line, fields
             else:
@@ -62,11 +73,16 @@ class Ids:
                 if place is None:
                     place = self._added(line, name)
                 yield line, [*fields[:at], str(place), *fields[at + 1 :]]
+        if nobody and not self.plain_rows and not self.later:
+            raise SourceError(self.path, nobody[0], _NO_ID.format(self.title, ""), OWN_FILE)
+        if nobody:
+            text = "%s: rows without an id are about nobody who was tracked, and left out: %s"
+            _log.warning(text, self.path, f"{nobody[1]}, the first in line {nobody[0]}")
 
     def _added(self, line: int, name: str) -> int:
         problem = None
         if name.lower() in _NOBODY:
-            problem = f"{self.title} = {name!r}, but everybody needs an id"
+            problem = _NO_ID.format(self.title, name)
         elif len(name) > _LONGEST_NAME:
             problem = f"{self.title} has {len(name)} characters, expected at most {_LONGEST_NAME}"
         if problem:

@@ -34,6 +34,8 @@ _MOST_ABOVE = 50
 _NO_UNIT = {"", "-", "--", "1", "none", "n/a", "m/s", "m/s2", "deg", "rad", "°", "id"}
 _MOST_LEVELS = 3
 """Rows of a header."""
+_MOST_NAMES = 2**17
+"""Names of rows that are compared."""
 _FEWEST = 3
 """Numbers that a row has at least, and one with decimal commas and blanks between them."""
 _WIDTH = "Each line must have a value for each title, also where one is empty"
@@ -86,13 +88,16 @@ def lines_of(path: Path, columns: Sequence[str] | None = None, header: bool = Tr
             continue
         has_titles = header and (comment or not _holds_numbers(titles, columns))
         rest = lines if has_titles else chain([(line, text)], lines)
+        has_names, rest = _begins_with_names(text, rest, len(titles)) if has_titles else (False, rest)
         rows = _rows(path, rest, None if comment else separator, comment, comments, len(titles))
         named = columns or (titles if has_titles else ())
         if has_titles:
             if columns and _units_in(columns, titles):  # units in place of titles
                 rows = chain([(line, titles)], rows)
             named, rows = _with_units(named, rows)
-        if has_titles and not columns:
+        if has_names and not columns:
+            rows = _without_names(path, named, rows)
+        elif has_titles and not columns:
             rows = rows if separator == "," else _without_numbers(named, rows)
         return Lines(line, text.strip(), separator, named, rows, comments)
     raise SourceError(path, None, "no detections, the file is empty", "Name a file with tracks")
@@ -238,6 +243,36 @@ def _units_in(titles: Sequence[str], fields: Sequence[str]) -> list[str] | None:
         f"{title} [{unit}]" if unit_known else title
         for title, unit, unit_known in zip(titles, units, known, strict=True)
     ]
+
+
+def _begins_with_names(
+    header: str, lines: Iterator[tuple[int, str]], width: int
+) -> tuple[bool, Iterator[tuple[int, str]]]:
+    """Whether the first row has a name before its values, as R writes it, all in quotes; and the lines."""
+    first = next(lines, None)
+    if first is None:
+        return False, lines
+    separator = _separator(first[1])
+    quoted = first[1].startswith('"') and header.strip().startswith('"') and header.count('"') >= 2 * width
+    named = quoted and len(_split(first[1], separator)) == width + 1 and bool(_split(first[1], separator)[-1])
+    return named, chain([first], lines)
+
+
+def _without_names(path: Path, titles: Sequence[str], rows: Iterator[Row]) -> Iterator[Row]:
+    """Rows without their names, which all must have, and which differ.
+
+    Raises:
+        SourceError: a row has none, or one of another row; it names the line.
+    """
+    seen: set[str] = set()
+    for line, fields in rows:
+        check_width(path, line, fields, ["name of the row", *titles], _WIDTH)
+        if fields[0] in seen:
+            problem = f"{len(fields)} columns, expected {len(titles)}: {' '.join(titles)}"
+            raise SourceError(path, line, problem, _WIDTH)
+        if len(seen) < _MOST_NAMES:
+            seen.add(fields[0])
+        yield line, fields[1:]
 
 
 def _without_numbers(titles: Sequence[str], rows: Iterator[Row]) -> Iterator[Row]:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields
+from functools import partial
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,15 @@ import numpy as np
 from pedpred.errors import SourceError, ValueRuleError, worded
 from pedpred.files import translate_errors
 from pedpred.scenes import Trajectories
-from pedpred.tables.classes import classes_of_people, label_of
+from pedpred.storage.tracks import tracks_of
+from pedpred.tables.classes import (
+    are_classes,
+    classes_of_people,
+    label_of,
+    may_hold_classes,
+    may_name_classes,
+    people_by_ids,
+)
 from pedpred.tables.clocks import add_rest, set_time
 from pedpred.tables.comments import frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import Dates, column_of_days
@@ -30,7 +39,7 @@ from pedpred.tables.detections import (
     without_untracked,
 )
 from pedpred.tables.fractions import check_fractions
-from pedpred.tables.heights import Still
+from pedpred.tables.heights import Still, floors_apart
 from pedpred.tables.ids import Ids
 from pedpred.tables.lines import Lines, lines_of, of_width
 from pedpred.tables.options import TableOptions
@@ -47,13 +56,18 @@ from pedpred.tables.titles import (
     meaning_of,
     naming,
     numbered_pairs,
+    other_pairs,
+    sides_of_boxes,
     titles_of_tracks,
+    unit_in,
 )
 from pedpred.tables.units import PIXELS, UNITS
+from pedpred.tables.values import Values
 
 _LONG = "Write a line per person and instant, with columns such as time,id,x,y"
-_PAIRS = {"position": LENGTHS, "velocity": ("vx_mps", "vy_mps"), "goal": ("goal_x_m", "goal_y_m")}
 _LONGEST_TITLES, _SHOWN_NAMES = 200, 3
+LOOKED_AT = 1000
+"""Rows that are looked at to find out what columns hold."""
 _FEW_RECORDINGS, _MOST_RECORDINGS, _FEWEST_ROWS = 10, 500, 10
 """More values than the first count messages, unless each is in so many rows."""
 _TRUTH = dict.fromkeys(("0", "0.0", "false", "f", "no"), False) | dict.fromkeys(
@@ -82,8 +96,10 @@ def read_table(path: Path, options: TableOptions | None = None) -> Trajectories:
     def rows() -> Iterable[Row]:
         return of_width(path, lines_of(path, options.columns).rows, lines.titles, named)
 
-    chosen = people_in_rows(path, lines.titles, rows, options)
-    people = of_people(of_width(path, lines.rows, lines.titles, named), lines.titles, chosen)
+    begin = list(islice(lines.rows, LOOKED_AT))
+    chosen = people_in_rows(path, lines.titles, rows, options, begin)
+    every = chain(begin, lines.rows)
+    people = of_people(of_width(path, every, lines.titles, named), lines.titles, chosen)
     return _read(path, lines.titles, people, options, lines, chosen[0] if chosen else None)
 
 
@@ -98,9 +114,15 @@ def of_people(
 
 
 def people_in_rows(
-    path: Path, titles: Sequence[str], rows: Callable[[], Iterable[Row]], options: TableOptions
+    path: Path,
+    titles: Sequence[str],
+    rows: Callable[[], Iterable[Row]],
+    options: TableOptions,
+    begin: Sequence[Row],
 ) -> tuple[str, set[str]] | None:
-    """The column that says who is a person, see `classes_of_people`.
+    """The column that says who is a person, by its title, by what it holds, or that of ids.
+
+    See `classes_of_people`, `are_classes` and `people_by_ids`.
 
     Several recordings, and rows of people who were not seen, are warned about.
 
@@ -109,22 +131,46 @@ def people_in_rows(
         titles: of the columns.
         rows: gives all rows, if any column has to be looked at.
         options: with the classes of people.
+        begin: the first rows.
     """
     kinds, parts = columns_of_classes(titles), columns_of_recordings(titles)
     flags = columns_of_flags(titles)
-    counts: dict[str, Counter[str]] = {title: Counter() for title in (*kinds, *parts, *flags)}
+    labels: dict[str, dict[str, set[str]]] = {title: {} for title in columns_of_labels(titles, begin)}
+    who = next(title for title, name in titles_of_tracks(titles).items() if name == "track_id")
+    ids = [who] if may_name_classes(_column(begin, titles.index(who))) else []
+    counts: dict[str, Counter[str]] = {title: Counter() for title in (*kinds, *parts, *flags, *labels, *ids)}
     if counts:
-        at = {title: titles.index(title) for title in counts}
+        at = {title: titles.index(title) for title in (who, *counts)}
         for _, fields in rows():
-            for title, column in at.items():
-                counts[title][label_of(fields[column])] += 1
+            for title in counts:
+                counts[title][label_of(fields[at[title]])] += 1
+            for title, of_id in labels.items():
+                of_id.setdefault(fields[at[who]], set()).add(label_of(fields[at[title]]))
     for title in parts:
         _doubt_one_recording(path, title, counts[title])
     for title, of_nobody in flags.items():
         _doubt_unseen(path, title, counts[title], of_nobody)
-    if kinds or options.classes:
-        return classes_of_people(path, {title: counts[title] for title in kinds}, options.classes)
-    return None
+    wanted = options.classes
+    kinds += [title for title, of_id in labels.items() if are_classes(path, title, of_id, wanted)]
+    by_ids = partial(people_by_ids, path, who, counts[who], wanted) if ids else lambda: None
+    if wanted and not kinds and (chosen := by_ids()):
+        return chosen
+    if kinds or wanted:
+        chosen = classes_of_people(path, {title: counts[title] for title in kinds}, wanted)
+        return chosen or by_ids()
+    return by_ids()
+
+
+def columns_of_labels(titles: Sequence[str], begin: Sequence[Row]) -> list[str]:
+    """Titles of columns that are not used, and hold words for people or for others in the first rows."""
+    used = {*titles_of_tracks(titles), *columns_of_classes(titles)}
+    others = [(at, title) for at, title in enumerate(titles) if title not in used]
+    return [title for at, title in others if may_hold_classes(_column(begin, at))]
+
+
+def _column(rows: Iterable[Row], at: int) -> list[str]:
+    """The different values of a column, without those of rows that are too short."""
+    return list(dict.fromkeys(fields[at] for _, fields in rows if at < len(fields)))
 
 
 def _doubt_one_recording(path: Path, title: str, counts: Counter[str]) -> None:
@@ -133,7 +179,7 @@ def _doubt_one_recording(path: Path, title: str, counts: Counter[str]) -> None:
     if 1 < len(values) <= max(_FEW_RECORDINGS, min(_MOST_RECORDINGS, counts.total() / _FEWEST_ROWS)):
         shown = ", ".join(values[:_SHOWN_NAMES]) + ", ..." * (len(values) > _SHOWN_NAMES)
         part = f"divide the {worded('file', 'table')} if they are several"
-        text = f"%s: column %s holds %s: all are read as one recording; {part}"
+        text = f"%s: column %s holds %s: all are read as one recording on one ground; {part}"
         if is_part_of_time(title):
             text += ", or write one column of times if they are parts of these"
         _log.warning(text, path, title, shown)
@@ -143,7 +189,9 @@ def _doubt_unseen(path: Path, title: str, counts: Counter[str], of_nobody: bool)
     """Warn if a column of flags has the value of somebody who was not seen."""
     unseen = sum(count for value, count in counts.items() if _TRUTH.get(value.lower()) is of_nobody)
     if unseen:
-        text = "%s: column %s is %s in %d rows, which are read like others: remove them if nobody was seen"
+        text = (
+            "%s: column %s is %s in %d rows, which are read like others: remove them if they are about nobody"
+        )
         _log.warning(text, path, title, of_nobody, unseen)
 
 
@@ -164,6 +212,16 @@ def tracks_in_rows(
     return _read(path, header, of_width(path, rows, header), options)
 
 
+def _doubt_one_floor(path: Path, titles: Sequence[str], heights: Values, unit: str | None) -> None:
+    """Warn if heights are those of several floors; their unit is that of x where no title says it."""
+    for at, column in zip(heights.columns, heights.array(), strict=True):
+        its_unit = unit_in(titles[at]) or unit or "m"
+        if apart := floors_apart(column, UNITS.get(its_unit, 0.0)):
+            text = "%s: column %s is up to %.4g or from %.4g: all are read as on one ground; %s"
+            part = f"divide the {worded('file', 'table')} if these are floors"
+            _log.warning(text, path, titles[at], *apart, part)
+
+
 def _named(columns: str = "time,id,x,y") -> str:
     return f"Name all columns in order, such as {naming(columns)}"
 
@@ -179,6 +237,7 @@ def _read(
     """Read rows; without `lines`, those of a file that was parsed elsewhere. `kind` said who is a person."""
     comments = lines.comments if lines else ()
     wanted = _wanted(path, titles)
+    _doubt_places(path, titles, wanted)
     at = {name: titles.index(title) for title, name in wanted.items()}
     ids = Ids(path, titles[at["track_id"]])
     clock = "time_s" if "time_s" in at else "frame"
@@ -191,8 +250,9 @@ def _read(
     dates = Dates(path, titles[at[clock]], at[clock], days)
     numbers = [column for name, column in at.items() if not name.endswith("_id")]
     rows = with_decimal_points(path, rows, numbers, lines.separator if lines else None)
-    rows = still.watched(dates.in_seconds(rows))
-    rows = ids.numbered(rows, at["track_id"])
+    heights = Values([] if options.columns else columns_of_heights(titles, ("z",)))
+    rows = heights.watched(still.watched(dates.in_seconds(rows)))
+    rows = ids.numbered(rows, at["track_id"], places)
     optional = set(at) - {clock, REST, "track_id", *LENGTHS}
     columns = read_numbers(path, rows, titles, wanted, OWN_FILE, optional)
     wanted = {title: name for title, name in wanted.items() if name in columns}
@@ -202,9 +262,11 @@ def _read(
     if moves := still.moving_column():
         problem = f"{titles[at['y_m']]} {moves[1]}, and {titles[moves[0]]} changes: y looks like a height"
         raise SourceError(path, None, problem, _named("time,id,x,height,y"))
+    _doubt_one_floor(path, titles, heights, units["x_m"])
     units |= {clock: None if dates.read_dates else _said(titles[at[clock]])}
     with translate_errors(lambda problem: SourceError(path, None, problem, OWN_VALUES)):
         rate_hz = frame_rate_hz(path, comments, options.rate_hz) if clock == "frame" else None
+        options.found.rate_hz = rate_hz
         if clock != "frame" and options.rate_hz:
             text = f"%s: times are in column %s, so that {worded('--rate', 'rate_hz')} is not used"
             _log.warning(text, path, titles[at[clock]])
@@ -216,13 +278,12 @@ def _read(
             check_fractions(path, columns, ((line, fields[at[clock]]) for line, fields in again))
         set_time(path, columns, units[clock], rate_hz)
         doubt_restarts(path, columns)
-        columns = without_copies(path, without_untracked(path, columns), options.names)
-        del columns["line"]
+        columns = without_copies(path, without_untracked(path, columns, options.names), options.names)
         if lines is not None:
             used = wanted | ({titles[days]: "date"} if days is not None and dates.read_days else {})
-            used |= {kind: "class"} if kind else {}
+            used |= {kind: "class"} if kind and kind not in used else {}
             _tell(path, titles, used, units | {"frame": f"{rate_hz:g} Hz" if rate_hz else None})
-        return _tracks(columns)
+        return tracks_of(columns, path)
 
 
 def in_metres(
@@ -265,6 +326,20 @@ def _wanted(path: Path, titles: Sequence[str]) -> dict[str, str]:
         raise SourceError(path, None, problem, _LONG) from cause
 
 
+def _doubt_places(path: Path, titles: Sequence[str], wanted: Mapping[str, str]) -> None:
+    """Warn if other columns may hold the places of people."""
+    used = " and ".join(title for name in LENGTHS for title, is_for in wanted.items() if is_for == name)
+    for x, y in other_pairs(titles, wanted):
+        text = "%s: columns %s are read as the places of people, and %s and %s are not: %s if these are meant"
+        choose = worded("choose them by --columns", "leave out the others")
+        _log.warning(text, path, used, x, y, choose)
+    if {_said(title) for title, is_for in wanted.items() if is_for in LENGTHS} <= {None, PIXELS}:
+        for width, height in sides_of_boxes(titles, wanted):
+            text = "%s: columns %s are read as the places of people: if %s and %s are the sides of boxes, %s"
+            middle = "write the middle of the lower edge of each box in their place"
+            _log.warning(text, path, used, width, height, middle)
+
+
 def _repeated_axes(titles: Sequence[str]) -> list[str]:
     """Titles of x and y, if each is that of several columns."""
     again = [title for title, count in Counter(titles).items() if count > 1]
@@ -290,20 +365,6 @@ def numbered(ids: Ids, column: np.ndarray, options: TableOptions) -> np.ndarray:
         more = ", ..." * (len(names) > _SHOWN_NAMES)
         _log.info("%s: ids are words, and numbered: %s%s", ids.path, shown, more)
     return numbers
-
-
-def _tracks(columns: dict[str, np.ndarray]) -> Trajectories:
-    """The tracks in columns, which are emptied on the way: two million rows are large.
-
-    Raises:
-        ValueRuleError: a value is impossible.
-    """
-    for field, names in _PAIRS.items():
-        if set(names) <= set(columns):
-            columns[field] = np.stack([columns.pop(name) for name in names], axis=-1)
-    return Trajectories(
-        **{field.name: columns[field.name] for field in fields(Trajectories) if field.name in columns}
-    )
 
 
 def _said(title: str) -> str | None:

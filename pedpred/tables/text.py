@@ -76,7 +76,7 @@ def number(path: Path, line: int, column: str, field: str, remedy: str = _FETCHE
         SourceError: it is something else.
     """
     try:
-        value = float(field)
+        value = float(_plain(field))
     except ValueError as cause:
         what = (
             AS_TIMES
@@ -98,7 +98,7 @@ def whole_number(path: Path, line: int, column: str, field: str, remedy: str = _
         SourceError: it is something else, or written as a fraction too large to be exact.
     """
     try:
-        value = int(field)
+        value = int(_plain(field))
     except ValueError:
         fraction = number(path, line, column, field, remedy)
         if not fraction.is_integer() or abs(fraction) > _EXACT:
@@ -109,6 +109,17 @@ def whole_number(path: Path, line: int, column: str, field: str, remedy: str = _
         problem = f"{column} = {value}, but it must be a whole number of 64 bits"
         raise SourceError(path, line, problem, remedy)
     return value
+
+
+def _plain(field: str) -> str:
+    """The text of a number, without the underscores that Python allows between digits.
+
+    Raises:
+        ValueError: it has some.
+    """
+    if "_" in field:
+        raise ValueError(f"{brief(field)} has an underscore")
+    return field
 
 
 def check_width(
@@ -197,6 +208,7 @@ def _parsed(
     """Convert a column at once, or field by field where that fails, to name the line."""
     convert: Callable[[str], float] = int if whole else float
     try:
+        _plain("".join(column))
         values = np.fromiter(map(convert, column), np.int64 if whole else np.float64, len(column))
         if whole or np.isfinite(values).all():
             return values

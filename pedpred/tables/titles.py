@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pedpred.errors import ValueRuleError, worded
@@ -42,6 +42,12 @@ _SAY = {
 }
 """Words of English, and of German, French, Spanish, Italian, Dutch and Portuguese, without accents."""
 _QUANTITY = {word: quantity for quantity, words in _SAY.items() for word in words.split()}
+_PERSON = set(_SAY["who"].split()) - {"track", "tracklet", "trajectory", "traj", "agent", "actor", "object"}
+_PERSON -= {"obj", "subject", "name", "objekt", "objet", "objeto", "oggetto"}
+"""Words of `_SAY["who"]` that are said of nobody but people."""
+_AXES = {*_SAY["x"].split(), *_SAY["y"].split()}
+_FRAMES = {"world", "map", "local", "global", "ground", "utm", *_AXES} - {"x", "y"}
+"""Words of a title that say in which frame positions are."""
 _BESIDE = {
     "number": "number no nr num index idx nummer numero",
     "place": "pos position coord coords coordinate coordinates location loc center centre centroid point "
@@ -56,14 +62,33 @@ _CLASS, _APART = (
         "class classes category categories type types label labels kind classification klasse typ kategorie "
         "clase tipo categoria classe categorie",
         "scene run trial recording video session experiment scenario floor storey camera cam dataset "
-        "sequence episode clip day hour topic log",
+        "sequence episode clip day hour topic log file filename source src take part "
+        "level deck etage \u00e9tage niveau stockwerk geschoss ebene piso planta piano verdieping",
     )
 )
-_FLAGS = {"valid": False, "lost": True, "outside": True, "missing": True}
-"""Titles of columns that say whether somebody was seen, and what they hold where nobody was."""
+_FLAGS = {
+    word: of_nobody
+    for words, of_nobody in (
+        ("valid visible seen detected tracked present in_frame in_view person pedestrian human ped", False),
+        ("lost outside missing occluded invalid out_of_frame out_of_view robot vehicle car", True),
+    )
+    for word in words.split()
+}
+"""Titles of columns that say whether somebody was seen, and what they hold where nobody was; perhaps with
+`is` before them, which those about people or others need."""
+_WHO = {"person", "pedestrian", "human", "ped", "robot", "vehicle", "car"}
+_BOX = {"box", "bbox", "bb", *LENGTH_WORDS}
+_SIDES, _DEEP = ({"w", "width"}, {"h", "height"}), {"l", "length", "depth"}
+_CORNERS = {"left", "top", "xmin", "ymin", "min"}
+"""Words for the sides of boxes in a picture, for the third side of those on the ground, and for corners.
+
+Beside corners, x and y are something else.
+"""
 _CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
 _STEPS = {"step", "simulation", "sim"}
 _FILLERS = {"in"}
+_TAGS = {"tag", "tracker", "badge", "mac"}
+"""What people wear, or who tracks them: its number is their id where no title says more."""
 _MINUTES = {"min", "mins", "minute", "minutes"}
 _LETTERS = {"m", "s"}  # no unit before another word without a sign between them
 _DEGREES = {"lon", "lat", "lng", "long", "longitude", "latitude", "deg", "degree", "degrees"}
@@ -71,6 +96,7 @@ _KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *_STEPS, *LENGTH_WORDS, *TIME_
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]+")
 _SIGN = re.compile(r"[^\w\s\-./()\[\]{}:,#]")
 """Signs that change what a title means, such as those of inches and degrees."""
+_INCHES = re.compile(r"[(\[{]\s*in\s*[)\]}]", re.IGNORECASE)
 _FIELD, _UNNAMED = "field.", re.compile(r"Unnamed: \d+_level_\d+")
 _SHORTEST_ALONE = 3
 """A unit of time may stand alone in a title (`sec`), but no letter or two (`s`), which may mean anything."""
@@ -84,11 +110,13 @@ class Meaning:
         name: `frame`, or a column of `Trajectories`.
         unit: of lengths or times, where the title says it.
         plain: whether the title is one of `NAMES`, perhaps with a unit.
+        whose: words of the title for who is there, such as `ped`.
     """
 
     name: str
     unit: str | None = None
     plain: bool = True
+    whose: frozenset[str] = frozenset()
 
 
 def meaning_of(title: str) -> Meaning | None:
@@ -112,7 +140,8 @@ def meaning_of(title: str) -> Meaning | None:
     if name is None or any(unit not in words_of_lengths for unit in units):
         return None
     core = "_".join(word for word in words if word not in units and word not in _FILLERS)
-    return Meaning(name, words_of_lengths[units[0]] if units else None, core in NAMES[name])
+    whose = frozenset(word for word in words if _QUANTITY.get(word) == "who")
+    return Meaning(name, words_of_lengths[units[0]] if units else None, core in NAMES[name], whose)
 
 
 def columns_of_classes(titles: Sequence[str]) -> list[str]:
@@ -127,13 +156,19 @@ def columns_of_recordings(titles: Sequence[str]) -> list[str]:
     return [
         title
         for title in titles
-        if _is_called(title, _APART, _NUMBER | {"id", "name"}) or title.strip().lower() in minutes
+        if _is_called(title, _APART, _NUMBER | {"id", "name", "path"}) or title.strip().lower() in minutes
     ]
 
 
 def columns_of_flags(titles: Sequence[str]) -> dict[str, bool]:
     """Titles of columns that say whether somebody was seen, and what they hold where nobody was."""
-    return {title: _FLAGS[word] for title in titles if (word := title.strip().lower()) in _FLAGS}
+    flags = {}
+    for title in titles:
+        words = [part.lower() for part in _WORD.findall(title)]
+        word = "_".join(words[words[:1] == ["is"] :])
+        if word in _FLAGS and (words[0] == "is" or word not in _WHO):
+            flags[title] = _FLAGS[word]
+    return flags
 
 
 def is_part_of_time(title: str) -> bool:
@@ -141,9 +176,15 @@ def is_part_of_time(title: str) -> bool:
     return bool({part.lower() for part in _WORD.findall(title)} & (_MINUTES | {"day", "hour"}))
 
 
-def columns_of_heights(titles: Sequence[str]) -> list[int]:
-    """Columns that a title calls z, which may be the second axis of the ground instead of y."""
-    return [at for at, title in enumerate(titles) if _is_called(title, {"z"}, {*_PLACE, *LENGTH_WORDS})]
+def columns_of_heights(titles: Sequence[str], words: Sequence[str] = ("z", "depth")) -> list[int]:
+    """Columns that a title calls z or depth, which may be the second axis of the ground instead of y."""
+    beside = {*_PLACE, *LENGTH_WORDS, *_FILLERS}
+    return [at for at, title in enumerate(titles) if _is_called(title, set(words), beside)]
+
+
+def unit_in(title: str) -> str | None:
+    """The unit of length in the title of any column."""
+    return next((LENGTH_WORDS[word] for word in _words(title) if word in LENGTH_WORDS), None)
 
 
 def _is_called(title: str, needed: set[str], beside: set[str]) -> bool:
@@ -173,7 +214,9 @@ def _name(said: set[str], words: set[str], units: Sequence[str]) -> str | None:
 def _words(title: str) -> list[str]:
     """The words of a title in lower case without accents; an unknown one may be two (`xcm`, `trackid`)."""
     words: list[str] = []
-    plain = title.replace("\u00b5", "u").replace("\u03bc", "u").replace("\u00df", "ss")
+    plain = (
+        _INCHES.sub(r" inch ", title).replace("\u00b5", "u").replace("\u03bc", "u").replace("\u00df", "ss")
+    )
     plain = "".join(sign for sign in unicodedata.normalize("NFKD", plain) if not unicodedata.combining(sign))
     for part in _WORD.findall(plain):
         word = part.lower()
@@ -221,14 +264,23 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
     meant = {title: meaning for title in titles if (meaning := meaning_of(title))}
     if not any(meaning.name == "track_id" for meaning in meant.values()):
         meant |= {title: Meaning("track_id") for title, m in meant.items() if m.name == "person_id"}
+    if not any(meaning.name == "track_id" for meaning in meant.values()):
+        meant |= {
+            title: Meaning("track_id") for title in titles if _is_called(title, _TAGS, {"id", *_NUMBER})
+        }
     clock = _clock(meant)
+    of_people = _pairs_of_people(meant)
     wanted: dict[str, str] = {}
     for name in ("time_s", "frame", *TRACK_COLUMNS[1:]):
         candidates = [title for title in titles if title in meant and meant[title].name == name]
         if name in ("time_s", "frame"):
             candidates = [title for title in candidates if (name, meant[title].unit or "s") == clock]
-        for preferred in (lambda meaning: meaning.unit != PIXELS, lambda meaning: meaning.plain):
-            candidates = [title for title in candidates if preferred(meant[title])] or candidates
+        for preferred in (
+            lambda title: meant[title].unit != PIXELS,
+            lambda title: title in of_people,
+            lambda title: meant[title].plain,
+        ):
+            candidates = [title for title in candidates if preferred(title)] or candidates
         if len(candidates) > 1:
             rule = f"columns {candidates[0]} and {candidates[1]} are both {name}"
             raise ValueRuleError("columns", titles, rule)
@@ -239,6 +291,52 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
         if name not in wanted.values():
             raise ValueRuleError("columns", titles, _missing(name, titles))
     return {title: wanted[title] for title in titles if title in wanted}
+
+
+def other_pairs(titles: Sequence[str], wanted: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Titles of x and y that may be meant in place of those that are used.
+
+    They are those of other people or things, or say a frame or a unit while those that are used say none.
+    """
+    meant = {title: meaning for title in titles if (meaning := meaning_of(title)) and meaning.name in LENGTHS}
+    used = {title for title in wanted if title in meant}
+    said = {word for title in used for word in _words(title)} & _FRAMES
+    said |= {unit for title in used if (unit := meant[title].unit)}
+    pairs = []
+    for pair in _pairs(meant):
+        more = {word for title in pair for word in _words(title)} & (_FRAMES | LENGTH_WORDS.keys())
+        differs = meant[pair[0]].whose != frozenset().union(*(meant[title].whose for title in used))
+        if not used & set(pair) and PIXELS not in {meant[title].unit for title in pair}:
+            pairs += [pair] if differs or (more and not said) else []
+    return pairs
+
+
+def sides_of_boxes(titles: Sequence[str], wanted: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Titles of widths and heights beside x and y that may be corners or middles of boxes in a picture."""
+    words = {title: {part.lower() for part in _WORD.findall(title)} - _BOX for title in titles}
+    free = [title for title in titles if title not in wanted]
+    sides = [[title for title in free if words[title] and words[title] <= side] for side in _SIDES]
+    if any(words[title] <= _DEEP or words[title] & _CORNERS for title in free if words[title]):
+        return []
+    return [(width, height) for width, height in zip(*sides, strict=False)]
+
+
+def _pairs(meant: Mapping[str, Meaning]) -> list[tuple[str, str]]:
+    """Columns of x and y whose titles have the same unit and words for who is there."""
+    axes = {name: [title for title, m in meant.items() if m.name == name] for name in LENGTHS}
+    return [
+        (x, y)
+        for x in axes["x_m"]
+        for y in axes["y_m"]
+        if (meant[x].unit, meant[x].whose) == (meant[y].unit, meant[y].whose)
+        and set(_words(x)) - _AXES == set(_words(y)) - _AXES
+    ]
+
+
+def _pairs_of_people(meant: Mapping[str, Meaning]) -> set[str]:
+    """Titles of x and y that say that they are those of people: by a word for these, or of the ids' title."""
+    of_ids = frozenset().union(*(m.whose for m in meant.values() if m.name == "track_id"))
+    return {title for pair in _pairs(meant) if meant[pair[0]].whose & (_PERSON | of_ids) for title in pair}
 
 
 def _clock(meant: dict[str, Meaning]) -> tuple[str, str]:

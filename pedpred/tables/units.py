@@ -42,6 +42,8 @@ class FoundUnit:
 
     Attributes:
         of_lengths: a key of `UNITS`, or `PIXELS`; None: nobody says it.
+        rate_hz: frames per second, where times are frame numbers.
     """
 
     of_lengths: str | None = None
+    rate_hz: float | None = None

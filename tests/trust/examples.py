@@ -45,16 +45,12 @@ from pedpred.storage.situations import (
 )
 from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import read_homography
+from tests.bags import PEOPLE, Filled, Store, moving_bag, repacked, write_mcap
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.field_formats import BINARY, PIXEL_M, RATE_HZ, ROWS, WRITERS
 from tests.forecasts import windows_with
+from tests.robots import from_camera
 from tests.scenes import write_as_table
-from tests.test_bag_definitions import Filled
-from tests.test_bag_definitions import mcap as write_mcap
-from tests.test_bag_frames import from_camera
-from tests.test_bag_frames import messages as moving_messages
-from tests.test_bag_frames import write as write_moving
-from tests.test_bags import Store, repacked
 from tests.test_fetch import write_archive
 from tests.test_sources import write_sequence
 
@@ -127,27 +123,24 @@ def make_geometries(folder: Path) -> None:
 
 
 def read_geometries(folder: Path) -> object:
-    return [read_ground(folder / name, read_walls(folder / name), 0.1, 1.0) for name in GEOMETRIES]
+    return [read_ground(folder / name, read_walls(folder / name)) for name in GEOMETRIES]
 
 
 def make_table(folder: Path) -> None:
     write_as_table(place(), folder, float_format="%.3f")
 
 
-TABLES = ("walk.csv", "walk.tsv", "walk.txt", "walk.ndjson", "dates.csv")
+TABLES = ("walk.csv", "walk.tsv", "walk.txt", "dates.csv")
 
 
 def make_tables(folder: Path) -> None:
-    """The same people in every format of a single file."""
+    """The same people in every kind of table."""
     rows = [(0.4 * k, who, 0.5 * k, who) for k in range(10) for who in (1, 2)]
     for name, separator in {"walk.csv": ";", "walk.tsv": "\t", "walk.txt": " "}.items():
         lines = [("time", "id", "x", "y"), *rows]
         (folder / name).write_text("\n".join(separator.join(map(str, row)) for row in lines))
     dated = [f"24/12/2026;10:00:0{t:.1f};{who};{x};{y}".replace(".", ",") for t, who, x, y in rows]
     (folder / "dates.csv").write_text("\n".join(["Datum;Uhrzeit;Person;x;y", *dated]))
-    tracks = [{"track": {"f": round(10 * t), "p": who, "x": x, "y": y}} for t, who, x, y in rows]
-    lines = [{"scene": {"id": 0, "fps": 2.5}}, *tracks]
-    (folder / "walk.ndjson").write_text("\n".join(map(json.dumps, lines)))
 
 
 def read_tables(folder: Path) -> object:
@@ -157,7 +150,7 @@ def read_tables(folder: Path) -> object:
 FIELD_TEXTS = (
     *("fcd.xml", "annotations.txt", "00_tracks.csv", "00_tracksMeta.csv", "00_recordingMeta.csv"),
     *("Exp_1_run_1.tsv", "THOR-Magni_120522_SC1A_R1.csv", "postvis.traj", "hall_001.pp", "atc-20121031.csv"),
-    "0013.txt",
+    *("0013.txt", "walk.ndjson"),
 )
 
 
@@ -315,13 +308,12 @@ def make_compressed(path: Path) -> None:
 
 def make_moving(folder: Path) -> None:
     """People in the frame of a robot that moves."""
-    store = Store(Stores.ROS2_HUMBLE)
-    write_moving(store, folder, moving_messages(store, "camera", from_camera))
+    moving_bag(Store(Stores.ROS2_HUMBLE), folder, "camera", from_camera)
 
 
 def make_ros1(path: Path) -> None:
     """Messages of ROS 1, with definitions, neither in chunks nor with checksums."""
-    write_mcap(Filled(0, ros1=True), path, "people_msgs/msg/People", "ros1", "ros1msg", b"defined")
+    write_mcap(Filled(0, ros1=True), path, PEOPLE, "ros1", "ros1msg", b"defined")
 
 
 def make_archive(folder: Path) -> None:
@@ -333,7 +325,7 @@ def read_archive(folder: Path) -> None:
     """Fetch from the archives, one of which is damaged; nothing but the right files may come of it."""
     target = folder / "raw" / "ewap"
     shutil.rmtree(target.parent, ignore_errors=True)
-    sums = {name: hashlib.sha256(content).hexdigest() for name, content in ARCHIVED.items()}
+    sums = tuple(f"{hashlib.sha256(content).hexdigest()}  {name}" for name, content in ARCHIVED.items())
     archives = tuple(str(folder / f"mirror.{kind}") for kind in ("tar", "tgz"))
     mirrors.fetch(mirrors.Mirrors("ewap", (), archives, 1.0, sums), target)
 

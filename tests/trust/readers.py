@@ -24,8 +24,8 @@ from pedpred.sources.single_file import read_file
 from pedpred.storage.scenes import read_map, read_scene
 from pedpred.storage.shards import read_embeddings, write_embeddings
 from tests import field_formats
+from tests.bags import PEOPLE, Store, stream
 from tests.exported import export
-from tests.test_bags import Store, stream
 from tests.test_eth_ucy import SETTINGS as STREET
 from tests.test_eth_ucy import write_street
 from tests.test_jupedsim import SETTINGS as LABORATORY
@@ -57,7 +57,7 @@ def source(name: str, settings: Mapping[str, Any]) -> Step:
 def bag(version: Stores, **storage: StoragePlugin) -> Step:
     """Write three instants of two people, and a map."""
     store = Store(version)
-    return lambda path: store.write(path, stream(store, "people_msgs/msg/People"), **storage)
+    return lambda path: store.write(path, stream(store, PEOPLE), **storage)
 
 
 def embed(folder: Path) -> None:

@@ -158,10 +158,9 @@ class _Stretch:
 
     def motion(self) -> dict[str, list[Any]]:
         """Velocity and heading of every row, differences as in `_Tracks.numbers`."""
-        velocity = np.rint(1000.0 * turn_points(self.windows.world_velocity[self.kept], self.turns)).astype(
-            int
-        )
-        values = {"vx": velocity[:, 0], "vy": velocity[:, 1], "heading": self.heading}
+        velocity = turn_points(self.windows.world_velocity[self.kept], self.turns)
+        vx, vy = np.rint(1000.0 * velocity).astype(int).T
+        values = {"vx": vx, "vy": vy, "heading": self.heading}
         return {name: np.diff(series, prepend=0).tolist() for name, series in values.items()}
 
     def paths(self, shown: list[str]) -> dict[str, list[Any]]:
