@@ -6,6 +6,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from scipy.spatial.transform import Rotation
 
 from pedpred.ros.message_types import known_editions
 from tests.robots import CAMERA, ODOM, SPEED, STANDING, WALKING, from_robot, robot
@@ -213,6 +214,17 @@ def write_timed(store, path, found):
 def moving_bag(store, path, *given, **options):
     """Write a bag of `moving_messages`."""
     return write_timed(store, path, moving_messages(store, *given, **options))
+
+
+def check_moving(scene, pose=None, atol=1e-3):
+    """Where everybody is in odom, or in the frame in which odom has a pose."""
+    turn, offset = pose or (Rotation.identity(), np.zeros(3))
+    found = scene.trajectories
+    time_s = found.time_s[found.track_id == 2]
+    assert len(time_s) > 1
+    for who, at in ((1, STANDING + 0 * time_s[:, None]), (2, WALKING + time_s[:, None] * SPEED)):
+        expected = (turn.apply(at) + offset)[:, :2]
+        np.testing.assert_allclose(found.position[found.track_id == who], expected, atol=atol)
 
 
 def write_mcap(store, path, kind, encoding, schema, text=""):

@@ -253,3 +253,47 @@ def test_whoever_leaves_a_list_is_noticed(seed, people, step_s):
     ids = [[str(n) for n in range(len(each))] for each in places]
     with pytest.raises(ValueRuleError, match="places in a list"):
         check_identity(ids, step_s * np.arange(20), places)
+
+
+# Ids that are dealt out anew
+
+
+def crowd(count, rate_hz, steps, spacing_m=1.2):
+    """People who walk in all directions. [steps, count, 2]"""
+    rng = np.random.default_rng(count)
+    heading_rad = rng.uniform(-np.pi, np.pi, count)
+    velocity = rng.uniform(0.7, 1.6, (count, 1)) * np.stack([np.cos(heading_rad), np.sin(heading_rad)], -1)
+    start = rng.uniform(0, spacing_m * np.sqrt(count), (count, 2))
+    noise = rng.normal(0, 0.02, (steps, count, 2))
+    return start + np.arange(steps)[:, None, None] / rate_hz * velocity + noise
+
+
+@pytest.mark.parametrize("name", ["person_{}", "{}"])
+@pytest.mark.parametrize("count", [3, 12])
+@pytest.mark.parametrize("rate_hz", [2.5, 10, 30])
+def test_ids_that_are_dealt_out_anew_are_refused(name, count, rate_hz, ros2, tmp_path):
+    """Whatever they are called, and where their numbers begin."""
+    rng, steps, places = np.random.default_rng(0), [], crowd(count, rate_hz, 40, 2.5)
+    for k, place in enumerate(places):
+        dealt = rng.permutation(count)
+        here = {name.format(5 + n): tuple(place[one].tolist()) for n, one in enumerate(dealt)}
+        steps.append((100.0 + k / rate_hz, here))
+    with pytest.raises(
+        SourceError, match=r"hall: /people: id = .* steps lead to where another one was.*list"
+    ):
+        read_bag(bag(ros2, tmp_path / "hall", *steps))
+
+
+@pytest.mark.parametrize("rate_hz", [2.5, 10, 30])
+@pytest.mark.parametrize("odd", ["nobody", "one jumps", "swaps"])
+def test_ids_of_a_tracker_are_read(rate_hz, odd, ros2, tmp_path):
+    """Also where one of eight jumps all the time, or two change their ids now and then."""
+    rng, steps = np.random.default_rng(1), []
+    for k, place in enumerate(crowd(8, rate_hz, 60)):
+        if odd == "one jumps":
+            place[0] = rng.uniform(0, 50, 2)
+        if odd == "swaps" and k // 10 % 2:
+            place[[0, 1]] = place[[1, 0]]
+        here = {f"p{n}": tuple(at) for n, at in enumerate(place.tolist())}
+        steps.append((100.0 + k / rate_hz, here))
+    assert len(read_bag(bag(ros2, tmp_path / "hall", *steps)).trajectories) == 480

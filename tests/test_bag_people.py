@@ -246,7 +246,78 @@ def test_impossible_speeds_and_times_are_doubted(ros2, tmp_path, caplog):
         read_bag(bag(ros2, tmp_path / "ms", *slow))
 
 
-def test_detections_of_nobody_are_left_out_and_counted(ros2, tmp_path, caplog):
+# Places that are not in the box
+
+
+def likely_at(path, *results, centre=(0.0, 0.0, 0.0)):
+    """A bag of two detections whose boxes are left empty; a result is (class, score, x of the first one)."""
+    store, kind = Filled(0), "vision_msgs/msg/Detection3DArray"
+    messages = []
+    for k in range(10):
+        several = []
+        for number in (7, 8):
+            made = []
+            for label, score, x in results:
+                inner = store.make("vision_msgs/msg/ObjectHypothesis", class_id=label, score=score)
+                pose = store.pose(x + k / 10, float(number) if x else 0.0)
+                sure = store.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36))
+                one = "vision_msgs/msg/ObjectHypothesisWithPose"
+                made.append(store.make(one, hypothesis=inner, pose=sure))
+            box = store.make("vision_msgs/msg/BoundingBox3D", center=store.pose(*centre[:2]))
+            box.center.position.z = centre[2]
+            fields = {"header": store.header(k / 10, "map"), "bbox": box, "id": str(number), "results": made}
+            several.append(store.make("vision_msgs/msg/Detection3D", **fields))
+        messages.append(
+            ("/boxes", kind, store.make(kind, header=store.header(k / 10, "map"), detections=several))
+        )
+    store.write(path, messages)
+    return path
+
+
+def test_people_without_a_box_are_at_their_likeliest_pose(tmp_path):
+    path = likely_at(tmp_path / "hall", ("person", 0.3, 40.0), ("person", 0.6, 2.0), ("person", 0.1, 60.0))
+    people = read_bag(path).trajectories
+    np.testing.assert_allclose(people.position[people.track_id == 8, 0], 2.0 + np.arange(10) / 10)
+    np.testing.assert_allclose(people.position[people.track_id == 8, 1], 8.0)
+
+
+@pytest.mark.parametrize("results", [(), [("person", 0.5, 5.0)]])
+def test_everybody_at_one_place_is_refused_with_the_topic(results, tmp_path):
+    """A box that is there counts, whatever the results say."""
+    path = likely_at(tmp_path / "hall", *results, centre=(3.0, 0.0, 0.5))
+    with pytest.raises(SourceError, match=r"hall: /boxes: position = \[3\.0, 0\.0\], .*always there"):
+        read_bag(path)
+
+
+# Ids that mean nobody
+
+
+@pytest.mark.parametrize("nobody", ["", "nan", "NaN", "Nan", "-nan", "-1"])
+@pytest.mark.parametrize("several", [1, 2])
+def test_detections_of_nobody_are_left_out_and_counted(nobody, several, ros2, tmp_path, caplog):
+    """As of trackers that write -1 for what they do not follow, here and there."""
+    far = [(nobody, (20.0 - 9.0 * n, 3.0)) for n in range(several)]
+    steps = [(k / 10, [("3", (k / 10, 0.0)), *(far if k % 3 else ())]) for k in range(30)]
+    people = read_bag(bag(ros2, tmp_path / "hall", *steps)).trajectories
+    assert people.track_id.tolist() == [3] * 30
+    count = 20 * several
+    assert (
+        f"/people: left out: {count} of {count + 30} detections, which have no id: [{nobody!r}]"
+        in caplog.text
+    )
+
+
+@pytest.mark.parametrize("names", [["-1", "-2", "-3"], ["-1"], ["Nana", "nan1"]])
+def test_negative_ids_and_names_are_people(names, ros2, tmp_path, caplog):
+    steps = [(k / 10, {name: (k / 10, 2.0 * n) for n, name in enumerate(names)}) for k in range(10)]
+    called = {}
+    people = read_bag(bag(ros2, tmp_path / "hall", *steps), names=called).trajectories
+    assert len(people) == 10 * len(names)
+    assert sorted(called.values()) == sorted(names)
+    assert "no id" not in caplog.text
+
+
+def test_who_has_several_names_of_nobody_is_left_out_and_counted(ros2, tmp_path, caplog):
     """Trackers call -1 or NaN whom they do not follow."""
     frames = [(k / 10, [("7", (k / 10, 0.0)), ("-1", (5.0, k / 10)), ("nan", (9.0, 1.0))]) for k in range(20)]
     scene = read_bag(bag(ros2, tmp_path / "hall", *frames))
@@ -262,26 +333,38 @@ def test_somebody_is_called_minus_one_where_others_have_negative_ids(ros2, tmp_p
     assert sorted(np.unique(people.track_id, return_counts=True)[1]) == [10, 20]
 
 
-def test_detections_without_a_box_are_where_their_likeliest_class_is(tmp_path):
-    store, kind, messages = Filled(0), "vision_msgs/msg/Detection3DArray", []
-    for k in range(10):
-        header, several = store.header(k / 10, "map"), []
-        for number in range(2):
-            likely = [
-                store.make(
-                    "vision_msgs/msg/ObjectHypothesisWithPose",
-                    hypothesis=store.make("vision_msgs/msg/ObjectHypothesis", class_id="person", score=score),
-                    pose=store.make(
-                        "geometry_msgs/msg/PoseWithCovariance", pose=store.pose(at, 3.0 * number)
-                    ),
-                )
-                for score, at in ((0.2, 50.0), (0.9, k / 10))
-            ]
-            given = {"header": header, "id": str(number + 7), "results": likely}
-            several.append(store.make("vision_msgs/msg/Detection3D", **given))
-        messages.append(("/boxes", kind, store.make(kind, header=header, detections=several)))
-    store.write(tmp_path / "hall", messages)
-    people = read_bag(tmp_path / "hall").trajectories
-    for who, y_m in ((7, 0.0), (8, 3.0)):
-        mine = people.track_id == who
-        np.testing.assert_allclose(people.position[mine], [[k / 10, y_m] for k in range(10)], atol=1e-9)
+@pytest.mark.parametrize("several", [1, 2])
+def test_a_bag_of_nobody_is_refused(several, ros2, tmp_path):
+    """NaN is never somebody; -1 may be, where it is the only id."""
+    steps = [(k / 10, [("nan", (k / 10, 2.0 * n)) for n in range(several)]) for k in range(10)]
+    with pytest.raises(SourceError, match=r"hall: /people: id = '', .*say who is who"):
+        read_bag(bag(ros2, tmp_path / "hall", *steps))
+
+
+# Units
+
+
+@pytest.mark.parametrize(("per_m", "unit"), [(100.0, "cm"), (1000.0, "mm"), (1e6, "another unit")])
+def test_lengths_in_another_unit_are_refused(per_m, unit, ros2, tmp_path):
+    steps = [(k / 10, {"3": (per_m * k / 10, 0.0), "4": (0.0, per_m * k / 8)}) for k in range(20)]
+    told = rf"hall: /people: position = .* half of the time.*: are lengths {unit} in place of metres.*--unit"
+    with pytest.raises(SourceError, match=told):
+        read_bag(bag(ros2, tmp_path / "hall", *steps))
+
+
+def test_degrees_are_refused(ros2, tmp_path):
+    steps = [(k / 10, {"3": (8.5 + 1e-6 * k, 47.3), "4": (8.5, 47.3 - 1e-6 * k)}) for k in range(20)]
+    with pytest.raises(SourceError, match=r"hall: /people: position = \[8.5, 47.3\], .*degrees.*metres"):
+        read_bag(bag(ros2, tmp_path / "hall", *steps))
+
+
+@pytest.mark.parametrize("rate_hz", [2, 10, 100])
+def test_one_of_three_who_is_too_fast_is_warned_about(rate_hz, ros2, tmp_path, caplog):
+    rng = np.random.default_rng(0)
+    steps = []
+    for k in range(40):
+        noise = rng.normal(0, 0.03, (3, 2))
+        way = np.array([[k, 0.0], [0.5 * k, 3.0], [40.0 * k, 9.0]]) / rate_hz + noise
+        steps.append((k / rate_hz, {str(n): tuple(at) for n, at in enumerate(way.tolist())}))
+    assert len(read_bag(bag(ros2, tmp_path / "hall", *steps)).trajectories) == 120
+    assert "faster than people walk" in caplog.text

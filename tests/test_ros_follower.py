@@ -824,6 +824,22 @@ def test_who_has_no_place_is_called_in_the_log_as_in_the_messages(name, said, ca
     assert f"1 without a place, the first at 1.0 s (track {said})" in caplog.text
 
 
+@pytest.mark.parametrize("nobody", ["", "nan", "-1"])
+def test_who_is_nobody_by_the_id_is_followed_by_the_place(nobody, caplog):
+    """As for an empty id: in bags these are one rule, too."""
+    follower = follower_of()
+    for k in range(20):
+        here = [("eve", (0.0, 0.0)), (nobody, (4.0 + 0.1 * k, 3.0)), (nobody, (9.0, 9.0 - 0.1 * k))]
+        several = [{"name": name, "position": dict(zip("xy", at, strict=True))} for name, at in here]
+        content = {"header": header(10**9 + k * 10**8, "map"), "people": several[:: 1 - 2 * (k % 2)]}
+        answers = answered(follower, serialize(PEOPLE, content))
+    found = answers["predictions/people"]["people"]
+    assert sorted(one["name"] for one in found) == ["#1", "#2", "eve"]
+    moves = sorted(round(one["velocity"]["x"] - one["velocity"]["y"]) for one in found)
+    assert moves == [0, 1, 1]
+    assert "2 of 3 people have no id" in caplog.text
+
+
 def test_after_an_error_everything_goes_on():
     follower, plain = follower_of(), follower_of()
     answered(follower, people(1.0, anna=(0.0, 0.0)))

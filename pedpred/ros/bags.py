@@ -18,6 +18,7 @@ from pedpred.ros.frame_tree import FrameTree, frame_name
 from pedpred.ros.frames import Transform
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
 from pedpred.ros.people import ADAPTERS, LABELLED
+from pedpred.ros.places import check_lengths, check_several
 from pedpred.ros.planning import NO_MAP
 from pedpred.ros.scene_messages import map_of_grid
 from pedpred.ros.storages import opened
@@ -53,8 +54,8 @@ def read_bag(
 
     Detections without a place, an id, a stamp or a transform at their time, with a false stamp, of other
     classes than people, and second ones of a track in one instant, are left out with a warning. A bag that is
-    cut, or was not closed, is read up to the cut, with a warning, and so is one in which people move
-    impossibly fast.
+    cut, or was not closed, is read up to the cut, with a warning, and so is one in which one person, or
+    some people, move impossibly fast.
 
     Args:
         path: a .bag, .db3 or .mcap file, or the folder of a ROS 2 bag.
@@ -71,8 +72,8 @@ def read_bag(
 
     Raises:
         SourceError: the file is not a bag, no topic or several carry people, several carry a map, people
-            and map are in different frames, ids do not say who is who, classes are named and the messages
-            have none, or they make no scene.
+            and map are in different frames, ids do not say who is who, places are degrees or not in
+            metres, classes are named and the messages have none, or they make no scene.
     """
     check_input(path, None, SourceError)
     problem = partial(SourceError, path, None)
@@ -85,12 +86,14 @@ def read_bag(
             raise SourceError(path, None, lack, "Leave --class out")
         maps = _map_topic(path, connections, map_topic)
         ground, instants = _read(path, bag, [*sources, *maps, *_updates_of(maps, connections)], classes)
-        with translate_errors(partial(problem, remedy="")):
-            people = People(instants, partial(_log.warning, "%s: %s", path))
+        topic = sources[0].topic
+        with translate_errors(lambda lack: problem(f"{topic}: {lack}", remedy="")):
+            people = People(instants, partial(_log.warning, "%s: %s: %s", path, topic))
             frame = None if ground is None else frame_name(ground.header.frame_id)
             position = people.in_one_frame(frame, transform, partial(_transforms, path, bag))
             trajectories = people.trajectories(position, names)
             dt_s = _checked_interval_s(path, trajectories)
+        with translate_errors(partial(problem, remedy="")):
             free = partial(OccupancyMap.free_around, trajectories.position)
             name = Path(path.stem) if path.suffix in _FOLLOWED else path
             return Scene(name.stem, trajectories, free() if ground is None else map_of_grid(ground), dt_s)
@@ -104,7 +107,7 @@ def _read(
     Messages that cannot be decoded are left out with a warning, unless all of people are such, or all maps;
     one that would unpack to too much is refused.
     """
-    ground, instants = Ground(path), []
+    ground, instants = Ground(path), list[Instant]()
     people, maps = Messages(path, bag), Messages(path, bag)
     for connection, received_ns, raw in bag.messages(connections=connections):
         kind = connection.msgtype
@@ -112,7 +115,7 @@ def _read(
             if (message := maps.decoded(raw, connection)) is not None:
                 ground.take(connection.topic, message, kind == UPDATE_TYPE)
         elif (message := people.decoded(raw, connection)) is not None:
-            instants.append(Instant.of(message, kind, received_ns / 1e9, classes))
+            instants += Instant.all_of(message, kind, received_ns / 1e9, classes)
     if people.first is not None and not any(each.ids or each.others for each in instants):
         raise people.first
     people.tell()
@@ -133,12 +136,14 @@ def _checked_interval_s(path: Path, people: Trajectories) -> float:
     """The usual time between two detections of a track, s; people who are impossibly fast are warned about.
 
     Raises:
-        ValueRuleError: nobody was detected twice, or times are not seconds.
+        ValueRuleError: nobody was detected twice, times are not seconds, or lengths are not metres.
     """
     dt_s = people.usual_interval_s()
     if dt_s >= _LONGEST_S:
         rule = "a track must be seen every few seconds: stamps count seconds and nanoseconds"
         raise ValueRuleError("stamp", f"usually {dt_s:g} s between two detections", rule)
+    check_several(people)
+    check_lengths(path, people)
     check_speeds(path, people, sure=True, fixed="m")
     return dt_s
 

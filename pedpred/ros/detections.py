@@ -5,17 +5,19 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from pedpred.errors import ValueRuleError
+from pedpred.errors import ValueRuleError, brief
 from pedpred.ros.clocks import find_false, find_missing, find_passes, in_a_row
-from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, is_robots, lacks_height
+from pedpred.ros.frame_tree import MAP_FRAME, FrameTree, frame_name, is_robots, lacks_height
 from pedpred.ros.frames import Transform, check_frames
-from pedpred.ros.identity import check_identity
+from pedpred.ros.headers import by_header
+from pedpred.ros.heights import check_heights
+from pedpred.ros.identity import check_identity, check_steps
 from pedpred.ros.localisation import find_poses, without_jumps
 from pedpred.ros.people import (
     ADAPTERS,
@@ -24,9 +26,7 @@ from pedpred.ros.people import (
     TrackNumbers,
     find_usable,
     labels_of,
-    stamp_and_frames,
 )
-from pedpred.ros.scene_messages import seconds
 from pedpred.scenes import Trajectories, rule_of
 from pedpred.tables.classes import PERSON_CLASSES, is_person
 from pedpred.tables.placeholders import find_placeholders, left_out
@@ -34,24 +34,23 @@ from pedpred.tables.placeholders import find_placeholders, left_out
 _CARRIED = re.compile(r"base_|_link|laser|lidar|velodyne|ouster|livox|camera|optical|scan|realsense|zed")
 """In names of frames that robots carry, mostly."""
 _TOLD = 5
-_FLAT_M, _WALKED_M = 0.5, 2.0
-"""Ranges of a height, and of an axis along which people walk."""
 _ROBOT_REMEDY = "a robot's frame moves: record /tf up to the map's frame too"
 
 
 @dataclass(frozen=True)
 class Instant:
-    """One message of people.
+    """People who were seen at one time in one frame: those of one message, mostly.
 
     Attributes:
-        stamp_s: of its header, s.
-        received_s: when the bag received it, s.
+        stamp_s: when, s.
+        received_s: when the bag received the message, s.
         frame: of the places, without a leading slash.
         ids: who.
         place: where, m; what is unknown is NaN. [n, 3]
         others: classes of the detections that are not people, and are left out.
-        contrary: other frames, which people of the message name themselves.
-        stamp_ns: the stamp, ns; 0: there is none.
+        time_ns: when, ns.
+        array_frame: the frame that the message names, where the headers of its detections name another one.
+        part: how many instants of the same message come before.
     """
 
     stamp_s: float
@@ -60,13 +59,14 @@ class Instant:
     ids: tuple[str, ...]
     place: np.ndarray
     others: tuple[str, ...] = ()
-    contrary: tuple[str, ...] = ()
-    stamp_ns: int = 0
+    time_ns: int = 0
+    array_frame: str = ""
+    part: int = 0
 
     @classmethod
-    def of(
+    def all_of(
         cls, message: Any, kind: str, received_s: float, classes: Collection[str] = PERSON_CLASSES
-    ) -> Instant:
+    ) -> list[Instant]:
         """Take what counts of a decoded message; of a place, what is no number or absurd is NaN.
 
         Args:
@@ -74,17 +74,24 @@ class Instant:
             kind: its type.
             received_s: when the bag received it, s.
             classes: who is a person, where detections have classes.
+
+        Returns:
+            One for each time and frame of its detections, see `by_header`; of nobody if it has none.
         """
-        people = list(ADAPTERS[kind](message))
-        labels = labels_of(message) if kind == LABELLED else [""] * len(people)
-        others = tuple(label for label in labels if not is_person(label, classes))
-        people = [one for one, label in zip(people, labels, strict=True) if is_person(label, classes)]
-        place = np.array([(at.x, at.y, at.z) for _, at in people], np.float64).reshape(-1, 3)
-        possible = rule_of("position", place)[1]
-        place = np.where(possible, place, np.nan)
-        stamp, frame, contrary = stamp_and_frames(message, kind)
-        ids, stamp_ns = tuple(str(name) for name, _ in people), stamp.sec * 10**9 + stamp.nanosec
-        return cls(seconds(stamp), received_s, frame, ids, place, others, contrary, stamp_ns)
+        detected = list(ADAPTERS[kind](message))
+        labels = labels_of(message) if kind == LABELLED else [""] * len(detected)
+        instants: list[Instant] = []
+        for time_ns, frame, rows in by_header(message.header, [one.header for one in detected]):
+            others = tuple(labels[row] for row in rows if not is_person(labels[row], classes))
+            people = [detected[row] for row in rows if is_person(labels[row], classes)]
+            at = [(one.position.x, one.position.y, one.position.z) for one in people]
+            place = np.array(at, np.float64).reshape(-1, 3)
+            place = np.where(rule_of("position", place)[1], place, np.nan)
+            ids, outer = tuple(str(one.name) for one in people), frame_name(message.header.frame_id)
+            another, part = outer if outer != frame else "", len(instants)
+            seen = cls(_seconds(time_ns), received_s, frame, ids, place, others, time_ns, another, part)
+            instants.append(seen)
+        return instants
 
 
 class People:
@@ -98,10 +105,7 @@ class People:
     def __init__(self, instants: Sequence[Instant], warn: Callable[[str], object]):
         self._warn = warn
         self._tell_others(instants)
-        nameless = Nameless()
-        for each in instants:
-            nameless.note(each.ids)
-        instants = [replace(each, ids=nameless.named(each.ids)) for each in instants]
+        self._tell_frames(instants)
         stamp_s = np.array([each.stamp_s for each in instants], np.float64)
         received_s = np.array([each.received_s for each in instants], np.float64)
         if received_s.any() and _stands_still(instants):
@@ -120,6 +124,7 @@ class People:
         kept = ~(missing | false)
         self._instants = [each for each, sound in zip(instants, kept, strict=True) if sound]
         self._stamp_s, self._received_s = stamp_s[kept], received_s[kept]
+        self._message = np.cumsum([each.part == 0 for each in instants])[kept]
         self._passes = find_passes(self._stamp_s)
         self._time_s = in_a_row(self._stamp_s, self._passes)
         if back := int(self._passes.max(initial=0)):
@@ -140,6 +145,20 @@ class People:
             listed = ", ".join(f"{count} of {label!r}" for label, count in others.most_common(_TOLD))
             self._warn(f"left out: detections that are not people, {listed}")
 
+    def _tell_frames(self, instants: Sequence[Instant]) -> None:
+        """Tell where frames are not named, or where messages and their detections name different ones."""
+        numbers = np.cumsum([each.part == 0 for each in instants]).tolist()
+        pairs = zip(numbers, instants, strict=True)
+        seen = dict.fromkeys((number, each.array_frame, each.frame) for number, each in pairs if each.ids)
+        if nowhere := sum(not frame for _, _, frame in seen):
+            text = f"{nowhere} of {len({number for number, *_ in seen})} messages name no frame"
+            lack = "(header.frame_id is empty): their places count as they are"
+            self._warn(f"{text} {lack}, so give the frame if the robot moves")
+        differ = Counter((outer, inner) for _, outer, inner in seen if outer)
+        for (outer, inner), count in differ.most_common(_TOLD):
+            text = f"{count} messages are in {outer!r}, and the headers of their detections in {inner!r}"
+            self._warn(f"{text}, which counts: correct these headers if places are in {outer!r}")
+
     def in_one_frame(
         self, grid: str | None, transform: Transform | None, transforms: Callable[[], FrameTree]
     ) -> list[np.ndarray]:
@@ -154,33 +173,29 @@ class People:
             m, NaN where a transform is missing. [n, 2] each
 
         Raises:
-            ValueRuleError: people and map are in different frames, and how they lie is unknown.
+            ValueRuleError: people and map are in different frames, and how they lie is unknown, or another
+                axis than z looks like the height.
         """
         # the frame of a message of nobody says nothing
         frames = {each.frame for each in self._instants if each.ids}
-        self._doubt_frames()
         tree = FrameTree() if frames <= {grid or MAP_FRAME} else transforms()
         targets = {frame: _target(frame, grid, tree, transform) for frame in frames}
         check_frames(set(targets.values()), grid, transform)
         for frame in frames - {grid}:
             if _CARRIED.search(targets[frame]) and transform is None:
                 self._warn(f"people are in {frame!r}, and nothing says how that moves: {_ROBOT_REMEDY}")
-        for frame, target in targets.items():
-            if frame == target:
-                check_upright(frame, [each.place for each in self._instants if each.frame == frame])
         placed = self._placed(tree, targets)
+        everybody = np.concatenate([np.zeros((0, 3)), *placed])
+        known: dict[str, int] = {}
+        who = [known.setdefault(name, len(known)) for each in self._instants for name in each.ids]
+        check_heights(
+            everybody, np.array(who, np.int64), ", ".join(sorted(set(targets.values()))), self._warn
+        )
+        placed = [places[:, :2] for places in placed]
         return placed if transform is None else [transform.to_map(places) for places in placed]
 
-    def _doubt_frames(self) -> None:
-        """Warn if people name no frame, or another one than their message."""
-        if any(each.ids and not each.frame for each in self._instants):
-            self._warn("people name no frame (header.frame_id), so places are taken to be on the map")
-        contrary = Counter((each.frame, name) for each in self._instants for name in each.contrary)
-        for (frame, name), count in contrary.most_common(_TOLD):
-            self._warn(contrary_frames(frame, name) + f" ({count} messages)")
-
     def _placed(self, tree: FrameTree, targets: dict[str, str]) -> list[np.ndarray]:
-        """The places of each message in the target of its frame. [n, 2] each."""
+        """The places of each message in the target of its frame, m. [n, 3] each."""
         result = [each.place for each in self._instants]
         for frame, target in targets.items():
             for number in range(int(self._passes.max(initial=0)) + 1) if frame != target else ():
@@ -205,7 +220,7 @@ class People:
                 moved[:, :2] = self._without_jumps(tree, frames, time_s, moved[:, :2], heard_s)
                 for row, part in zip(rows, np.split(moved, np.cumsum(counts)[:-1]), strict=True):
                     result[row] = part
-        return [places[:, :2] for places in result]
+        return result
 
     def _without_jumps(
         self,
@@ -249,7 +264,7 @@ class People:
         """
         read = [each.place[:, :2] for each in self._instants]
         ids, position, read = self._named([each.ids for each in self._instants], position, read)
-        check_identity(ids, self._time_s, position)
+        check_identity(*self._of_messages(ids, position))
         numbers, counts = TrackNumbers(), [len(each) for each in ids]
         called = [
             f"{name} ({number + 1})" if number else name  # after time has gone back
@@ -270,47 +285,45 @@ class People:
         if unknown.any():
             self._warn(left_out(written[kept][unknown], len(unknown)))
             kept[kept] = ~unknown
-        return Trajectories(time_s[kept], track_id[kept], places[kept])
+        people = Trajectories(time_s[kept], track_id[kept], places[kept])
+        check_steps(people)
+        return people
+
+    def _of_messages(
+        self, ids: list[tuple[str, ...]], position: list[np.ndarray]
+    ) -> tuple[list[tuple[str, ...]], np.ndarray, list[np.ndarray]]:
+        """Ids, time and places of each message, which may be several instants; m. [n, 2] each."""
+        first = np.flatnonzero(np.diff(self._message, prepend=-1))
+        if len(first) == len(ids):
+            return ids, self._time_s, position
+        parts = [slice(*ends) for ends in pairwise([*first.tolist(), len(ids)])]
+        together = [tuple(name for each in ids[part] for name in each) for part in parts]
+        last = [part.stop - 1 for part in parts]
+        return together, self._time_s[last], [np.concatenate(position[part]) for part in parts]
 
     def _named(
         self, ids: list[tuple[str, ...]], *places: Sequence[np.ndarray]
     ) -> tuple[list[tuple[str, ...]], list[np.ndarray], list[np.ndarray]]:
         """Those who have an id, unless nobody has, and their places in two frames."""
-        named = [np.array([bool(name) for name in each], bool) for each in ids]
+        nameless = Nameless()
+        nameless.note_all(ids)
+        known = [nameless.named(each) for each in ids]
+        named = [np.array([bool(name) for name in each], bool) for each in known]
         count = sum(int(there.sum()) for there in named)
-        if nameless := sum(map(len, ids)) - count if count else 0:
-            self._warn(f"left out: {nameless} of {nameless + count} detections, which have no id")
-            ids = [tuple(name for name in each if name) for each in ids]
+        if lack := sum(map(len, ids)) - count if count else 0:
+            pairs = zip(ids, named, strict=True)
+            written = {name for each, there in pairs for name in np.array(each, object)[~there]}
+            text = f"left out: {lack} of {lack + count} detections, which have no id"
+            self._warn(f"{text}: {brief(sorted(written))}")
+            known = [tuple(name for name in each if name) for each in known]
             places = tuple([at[there] for at, there in zip(each, named, strict=True)] for each in places)
         position, read = places
-        return ids, list(position), list(read)
+        return known, list(position), list(read)
 
 
-def contrary_frames(frame: str, name: str) -> str:
-    """What is wrong with a message in one frame, whose people name another one."""
-    return (
-        f"people are in {frame!r} by the header of their message, in {name!r} by their own: {frame!r} counts"
-    )
-
-
-def check_upright(frame: str, place: Sequence[np.ndarray]) -> None:
-    """Check that y is no height, as in frames of a camera and of some simulators.
-
-    Args:
-        frame: of the places, which no /tf brings into another one.
-        place: of the people in each message. [n, 3] each
-
-    Raises:
-        ValueRuleError: it is.
-    """
-    axes = np.concatenate([np.zeros((0, 3)), *place])
-    axes = axes[np.isfinite(axes).all(axis=1)]
-    if not len(axes):
-        return
-    x_m, y_m, z_m = np.ptp(axes, axis=0)
-    if y_m < _FLAT_M and min(x_m, z_m) > _WALKED_M:
-        rule = "z must be up (REP 103): people seem to walk along x and z. Record /tf up to the map's frame"
-        raise ValueRuleError("frame_id", frame, rule)
+def _seconds(time_ns: int) -> float:
+    """As `scene_messages.seconds` of a stamp, to the last bit: transforms are found by these times, s."""
+    return time_ns // 10**9 + time_ns % 10**9 / 1e9
 
 
 def _stands_still(instants: Sequence[Instant]) -> bool:

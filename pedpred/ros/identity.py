@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from pedpred.errors import ValueRuleError
+from pedpred.scenes import Trajectories
 from pedpred.tracking.matching import cheapest_pairs, distances_m
 from pedpred.tracking.tracks import FASTEST_MPS, JUMP_M
 
@@ -16,6 +17,11 @@ _LONGEST_S, _SAVED_M, _MOST_PEOPLE = 1.0, 0.5, 500
 _SWAP_MPS, _FITS_SHARE, _WALKING_MPS = 4.0, 0.2, 3.0
 """People who walked have swapped their places in the list if several are farther from where they are expected
 than such a speed explains, and if each is nearer to where another one is, by this factor."""
+
+_JUMPING, _FITTING, _NOISE_M, _ENOUGH = 0.2, 0.8, 0.2, 1000
+"""Ids change hands if more than the first share of steps is one of swaps, and if for more than the second
+share of these the cheapest pairs with the people of the next instant walk, within this error of detections.
+So many such steps are looked at."""
 
 
 def check_identity(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: Sequence[np.ndarray]) -> None:
@@ -43,6 +49,35 @@ def check_identity(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: S
         raise ValueRuleError("id", list(shared[0]), f"people must have different ones: {_REMEDY}")
     if any(all(_counted(each, first) for each in named) for first in (0, 1)):
         _check_places(ids, time_s, position)
+
+
+def check_steps(people: Trajectories) -> None:
+    """Check that people do not jump to where others were, again and again, as where ids are dealt out anew.
+
+    Raises:
+        ValueRuleError: people jump as the ids say, and walk if each one's next place is another one's.
+    """
+    order = np.lexsort((people.time_s, people.track_id))
+    time_s, place = people.time_s[order], people.position[order]
+    gap_s, way_m = np.diff(time_s), np.linalg.norm(np.diff(place, axis=0), axis=1)
+    is_step = (np.diff(people.track_id[order]) == 0) & (gap_s <= _LONGEST_S)
+    is_jump = is_step & (way_m > np.maximum(_SAVED_M, _SWAP_MPS * gap_s))
+    if is_jump.sum() <= _JUMPING * is_step.sum():
+        return
+    steps = np.flatnonzero(is_step)
+    steps = steps[np.argsort(time_s[steps + 1], kind="stable")]
+    instants = np.split(steps, np.flatnonzero(np.diff(time_s[steps + 1])) + 1)
+    looked = fitting = 0
+    for rows in (rows for rows in instants if is_jump[rows].any() and len(rows) <= _MOST_PEOPLE):
+        apart_m = distances_m(place[rows], place[rows + 1])
+        walks = apart_m[cheapest_pairs(apart_m)] <= _NOISE_M + _WALKING_MPS * gap_s[rows]
+        looked, fitting = looked + int(is_jump[rows].sum()), fitting + int((is_jump[rows] & walks).sum())
+        if looked >= _ENOUGH:
+            break
+    if fitting > _FITTING * looked:
+        counted = f"{is_jump.sum()} of {is_step.sum()} steps lead to where another one was"
+        rule = f"ids must stay with people, and here they seem to be places in a list: {_REMEDY}"
+        raise ValueRuleError("id", counted, rule)
 
 
 def _counted(ids: Sequence[str], first: int) -> bool:

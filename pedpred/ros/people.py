@@ -3,103 +3,121 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pedpred.errors import brief
-from pedpred.ros.frame_tree import frame_name
 from pedpred.scenes import rule_of
 
-Adapter = Callable[[Any], Iterator[tuple[object, Any]]]
-"""A message -> (name, position with x and y in m) of every person in it."""
+
+class Detected(NamedTuple):
+    """One person in a message.
+
+    Attributes:
+        name: who.
+        position: with x, y and z in m.
+        header: of this detection alone; None where the type has none.
+    """
+
+    name: object
+    position: Any
+    header: Any = None
+
+
+Adapter = Callable[[Any], Iterable[Detected]]
+"""A message -> every person in it."""
 
 _LARGEST = 2**63 - 1
 _MOST_DIGITS = len(str(_LARGEST))
+_MINUS_ONE, _NEGATIVE = "-1", re.compile(r"-\d+")
+_UNSIGNED = 2**64 - 1
 _ROBOT = 2
 """The type of a robot among the agents of pedsim and of HuNavSim."""
 
 
-def _agents(agents: Any, position: Callable[[Any], Any]) -> Iterator[tuple[object, Any]]:
+def _poses(message: Any) -> Iterator[Detected]:
+    """Poses have no names: the index in the list identifies the person."""
+    return (Detected(index, pose.position) for index, pose in enumerate(message.poses))
+
+
+def _agents(agents: Any, position: Callable[[Any], Any]) -> Iterator[Detected]:
     """Agents of a simulator, without its robot."""
-    return ((agent.id, position(agent)) for agent in agents if getattr(agent, "type", 0) != _ROBOT)
+    people = (agent for agent in agents if getattr(agent, "type", 0) != _ROBOT)
+    return (Detected(_number(agent.id), position(agent), getattr(agent, "header", None)) for agent in people)
 
 
-def _place_of_box(detection: Any) -> Any:
-    """The centre of a vision_msgs/Detection3D; where that is not filled in, where its likeliest class is."""
-    centre = detection.bbox.center.position
-    scores = [each.score for each in _hypotheses(detection)]
-    if not scores or any((centre.x, centre.y, centre.z)):
-        return centre
-    return detection.results[int(np.argmax(scores))].pose.pose.position
+def _number(written: int) -> int:
+    """An id of 64 bits without a sign, in which -1 is the largest number."""
+    return -1 if written == _UNSIGNED else written
+
+
+def _box(detection: Any) -> Detected:
+    """A detection of vision_msgs: in the middle of its box, or at its likeliest pose if that is empty."""
+    name = getattr(detection, "id", getattr(detection, "tracking_id", ""))
+    position = detection.bbox.center.position
+    if not (position.x or position.y or position.z) and (likely := _likeliest(detection)) is not None:
+        position = likely.pose.pose.position
+    return Detected(name, position, detection.header)
 
 
 ADAPTERS: dict[str, Adapter] = {
-    "people_msgs/msg/People": lambda m: ((p.name, p.position) for p in m.people),
-    "people_msgs/msg/PositionMeasurementArray": lambda m: ((p.object_id, p.pos) for p in m.people),
+    "people_msgs/msg/People": lambda m: (Detected(p.name, p.position) for p in m.people),
+    "people_msgs/msg/PositionMeasurementArray": lambda m: (
+        Detected(p.object_id, p.pos, p.header) for p in m.people
+    ),
     "spencer_tracking_msgs/msg/TrackedPersons": lambda m: (
-        (t.track_id, t.pose.pose.position) for t in m.tracks
+        Detected(_number(t.track_id), t.pose.pose.position) for t in m.tracks
     ),
     "hunav_msgs/msg/Agents": lambda m: _agents(m.agents, lambda agent: agent.position.position),
     "pedsim_msgs/msg/AgentStates": lambda m: _agents(m.agent_states, lambda agent: agent.pose.position),
-    "vision_msgs/msg/Detection3DArray": lambda m: (
-        (getattr(d, "id", getattr(d, "tracking_id", "")), _place_of_box(d)) for d in m.detections
-    ),
-    # poses have no names: the place in the list identifies the person
-    "geometry_msgs/msg/PoseArray": lambda m: ((place, pose.position) for place, pose in enumerate(m.poses)),
+    "vision_msgs/msg/Detection3DArray": lambda m: map(_box, m.detections),
+    "geometry_msgs/msg/PoseArray": _poses,
 }
-"""The supported message types. All have a header with stamp and frame."""
+"""The supported message types. All have a header with stamp and frame; detections of some have one, too."""
 
 LABELLED = "vision_msgs/msg/Detection3DArray"
 """The one whose detections have classes."""
 
-_WITH_HEADERS = {"people_msgs/msg/PositionMeasurementArray": "people", LABELLED: "detections"}
-"""The types whose people have headers of their own, and the field of these people."""
-_NOBODY, _NEGATIVE = "-1", re.compile(r"-\d+")
-"""What trackers call whom they do not follow, as they do by NaN and by no id; and any negative number."""
+
+def labels_of(message: Any) -> list[str]:
+    """The likeliest class of each detection of a vision_msgs/Detection3DArray; empty where it has none."""
+    likely = [_likeliest(one) for one in message.detections]
+    classes = [None if one is None else getattr(one, "hypothesis", one) for one in likely]
+    return ["" if one is None else str(getattr(one, "class_id", getattr(one, "id", ""))) for one in classes]
 
 
-def stamp_and_frames(message: Any, kind: str) -> tuple[Any, str, tuple[str, ...]]:
-    """Stamp and frame of a message of people, and the other frames that its people name themselves.
+def _likeliest(detection: Any) -> Any | None:
+    """The result with the highest score, of every edition of the package; None: there is none."""
+    return max(getattr(detection, "results", ()), key=_score, default=None)
 
-    Where the message's header lacks one, it is that of the people's own headers, if they agree.
-    """
-    stamp, frame = message.header.stamp, frame_name(message.header.frame_id)
-    headers = [one.header for one in getattr(message, _WITH_HEADERS[kind])] if kind in _WITH_HEADERS else []
-    named = {name for each in headers if (name := frame_name(each.frame_id))}
-    if not frame and len(named) == 1:
-        frame = named.pop()
-    if not (stamp.sec or stamp.nanosec):
-        stamp = next((each.stamp for each in headers if each.stamp.sec or each.stamp.nanosec), stamp)
-    return stamp, frame, tuple(sorted(named - {frame}))
+
+def _score(result: Any) -> float:
+    return float(getattr(result, "hypothesis", result).score)
 
 
 class Nameless:
     """Tells ids that mean nobody: empty ones, NaN, and -1 unless others are negative, as in tables."""
 
     def __init__(self) -> None:
-        self._some_are_negative = False
+        self._nobody = {"nan", "-nan", _MINUS_ONE}
 
     def note(self, ids: Iterable[str]) -> None:
         """Look for other negative ids."""
-        self._some_are_negative |= any(one != _NOBODY and _NEGATIVE.fullmatch(one) for one in ids)
+        if any(one != _MINUS_ONE and _NEGATIVE.fullmatch(one) for one in ids):
+            self._nobody.discard(_MINUS_ONE)
+
+    def note_all(self, messages: Sequence[Sequence[str]]) -> None:
+        """Look at the ids in all messages of a bag: -1 is also somebody where nobody has another id."""
+        for each in messages:
+            self.note(each)
+        if not any(any(self.named(each)) for each in messages):
+            self._nobody.discard(_MINUS_ONE)
 
     def named(self, ids: Iterable[str]) -> tuple[str, ...]:
         """The ids, where those that mean nobody are empty."""
-        nobody = {"nan"} if self._some_are_negative else {"nan", _NOBODY}
-        return tuple("" if one.lower() in nobody else one for one in ids)
-
-
-def labels_of(message: Any) -> list[str]:
-    """The likeliest class of each detection of a vision_msgs/Detection3DArray; empty where it has none."""
-    likely = [max(_hypotheses(one), key=lambda each: each.score, default=None) for one in message.detections]
-    return ["" if one is None else str(getattr(one, "class_id", getattr(one, "id", ""))) for one in likely]
-
-
-def _hypotheses(detection: Any) -> list[Any]:
-    """Classes with scores, of every edition of the package."""
-    return [getattr(result, "hypothesis", result) for result in getattr(detection, "results", ())]
+        return tuple("" if one.lower() in self._nobody else one for one in ids)
 
 
 class TrackNumbers:

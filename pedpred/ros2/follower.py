@@ -20,7 +20,7 @@ from pedpred.errors import PedpredError, ValueRuleError
 from pedpred.files import translate_errors
 from pedpred.online import OnlinePredictor
 from pedpred.ros.decoding import Connection, Decoder
-from pedpred.ros.detections import Instant, contrary_frames
+from pedpred.ros.detections import Instant
 from pedpred.ros.frame_tree import frame_name
 from pedpred.ros.localisation import JUMPS_MPS, Poses, moved
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
@@ -281,27 +281,35 @@ class Follower:
         kind = self.settings.people_type
         with self.counts.refusing():
             message = self._decoded(raw, kind)
-            instant = Instant.of(message, kind, clock_ns / 1e9, self.settings.class_ids)
-        self._nameless.note(instant.ids)
-        instant, time_ns = replace(instant, ids=self._nameless.named(instant.ids)), instant.stamp_ns
-        for name in instant.contrary:
-            _log.warning("%s", contrary_frames(instant.frame, name))
-        self.counts.detections += len(instant.ids)
-        self.counts.others += len(instant.others)
-        if instant.others:
+            instants = Instant.all_of(message, kind, clock_ns / 1e9, self.settings.class_ids)
+        self.counts.detections += sum(len(one.ids) for one in instants)
+        others = {label for one in instants for label in one.others}
+        self.counts.others += sum(len(one.others) for one in instants)
+        if others:
             text = "left out: detections of class %s; parameter class_ids says who is a person"
-            _log.info(text, sorted(set(instant.others)))
-        if not time_ns:
+            _log.info(text, sorted(others))
+        for one in instants:
+            self._nameless.note(one.ids)
+        for one in instants:
+            if one.ids and one.array_frame:
+                text = "people are in %r, and the headers of their detections in %r, which counts"
+                _log.warning(text, one.array_frame, one.frame)
+            self._queue(one, clock_ns, now_s, waited_s)
+
+    def _queue(self, one: Instant, clock_ns: int, now_s: float, waited_s: float) -> None:
+        """Let people wait for their transforms; see `people_came`."""
+        one = replace(one, ids=self._nameless.named(one.ids))
+        if not one.time_ns:
             _log.warning("people have no stamp: the time of their arrival is taken")
             time_ns = max(clock_ns - round(waited_s * 1e9), 0)
-            instant = replace(instant, stamp_s=time_ns / 1e9)
-        self.stamp_age_s = (clock_ns - time_ns) / 1e9 - waited_s
-        self._heard = instant
+            one = replace(one, stamp_s=time_ns / 1e9, time_ns=time_ns)
+        self.stamp_age_s = (clock_ns - one.time_ns) / 1e9 - waited_s
+        self._heard = one
         if len(self._waiting) >= _MOST_WAITING:  # the first ones stay: their transforms come first
             self.counts.lost += 1
             _log.warning("people left out: %d messages wait for transforms", _MOST_WAITING)
             return
-        self._waiting.append(_Waiting(now_s - waited_s, now_s, clock_ns, time_ns, instant))
+        self._waiting.append(_Waiting(now_s - waited_s, now_s, clock_ns, one.time_ns, one))
 
     def _decoded(self, raw: bytes, kind: str) -> Any:
         """A message.

@@ -1,0 +1,54 @@
+"""Time and frame of detections that have a header each, beside the header of their message."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pedpred.ros.frame_tree import frame_name
+from pedpred.tracking.tracks import LOST_AFTER_S
+
+_SAME_NS, _LATE_NS = 10_000_000, round(LOST_AFTER_S * 1e9)
+"""Stamps that differ by less are one instant: simulators stamp each agent while they fill a message. Those
+that differ from the message's by more than the second are none of its detections."""
+
+
+def time_of(header: Any) -> int:
+    """The stamp of a header, ns."""
+    return int(header.stamp.sec * 10**9 + header.stamp.nanosec)
+
+
+def by_header(message: Any, detections: Sequence[Any | None]) -> list[tuple[int, str, list[int]]]:
+    """Sort the detections of a message by time and frame.
+
+    What the header of a detection says counts, since messages define that the detection is in it; the header
+    of the message says what that one leaves empty. Trackers that fuse sensors, or detectors that stamp the
+    message when they send it, fill both with different values.
+
+    Args:
+        message: the header of the message.
+        detections: the header of each detection; None: it has none. [N]
+
+    Returns:
+        Time (ns), frame and the rows that are in it, in order of time; one without rows for no detections.
+    """
+    outer = time_of(message), frame_name(message.frame_id)
+    keys = [outer if header is None else _key(header, *outer) for header in detections]
+    groups: list[tuple[int, str, list[int]]] = []
+    for row in sorted(range(len(keys)), key=lambda row: (keys[row][1], keys[row][0])):
+        time_ns, frame = keys[row]
+        if groups and groups[-1][1] == frame and time_ns - groups[-1][0] < _SAME_NS:
+            groups[-1][2].append(row)
+        else:
+            groups.append((time_ns, frame, [row]))
+    if not groups:
+        return [(*outer, [])]
+    return [(time_ns, frame, sorted(rows)) for time_ns, frame, rows in sorted(groups)]
+
+
+def _key(header: Any, outer_ns: int, outer_frame: str) -> tuple[int, str]:
+    """Time, ns, and frame of a detection that has a header."""
+    inner_ns = time_of(header)
+    near = _SAME_NS < abs(inner_ns - outer_ns) <= _LATE_NS
+    counts = inner_ns > 0 and (outer_ns == 0 or near)
+    return inner_ns if counts else outer_ns, frame_name(header.frame_id) or outer_frame
