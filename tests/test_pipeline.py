@@ -15,9 +15,10 @@ from tests.configuration import read
 from tests.trust.project import ROOT, SILENT, done, environment
 
 TARGET = "simulate@corridor"
+WALKING = Path("pedpred/simulation/kernel.py")
 TRACKS = Path("data/scenes/simulated/corridor/corridor/tracks.parquet")
 ROWS, MIRRORS = Path("conf/simulations/rooms.yaml"), Path("conf/mirrors/ewap.yaml")
-FAMILIES = ("fetch", "ingest", "simulate")
+FAMILIES = ("code", "fetch", "ingest", "simulate")
 CONFIG = {
     "cmd": "python -m pedpred.config --check --stamp data/config.checked",
     "deps": ["conf", "params.yaml", "pedpred/config.py"],
@@ -175,6 +176,21 @@ def test_an_edit_under_conf_without_make_params_is_not_ignored(project):
         edited.write_text(original)
     assert "-    pedestrians: 3\n+    pedestrians: 4" in said
     assert "make params" in said
+
+
+def test_a_remark_in_the_code_simulates_nothing_again_and_other_code_does(project):
+    edited = project / WALKING
+    original = edited.read_text()
+    try:
+        edited.write_text(f"{original}\n# a remark\n")
+        said = run(project, "dvc", "repro", TARGET)
+        edited.write_text(f"{original}\nREMARK = 1\n")
+        changed = run(project, "dvc", "status", "code"), run(project, "dvc", "repro", TARGET)
+    finally:
+        edited.write_text(original)
+        run(project, "git", "checkout", "--quiet", "dvc.lock")
+    assert ["Running stage 'code'" in said, "simulate" in said] == [True, False]
+    assert ["pedpred" in changed[0], f"Running stage '{TARGET}'" in changed[1]] == [True, True]
 
 
 def test_the_points_of_a_queued_sweep_differ_and_each_is_right(sweep, by_hand):

@@ -36,6 +36,7 @@ LITERATURE_STEPS = {
 LITERATURE_STEPS |= {"evaluate_literature", "gather_literature"}
 PAGES = {"gather", "record", "report"}
 OTHERS = {
+    "code",
     "config",
     "fetch",
     "ingest",
@@ -181,7 +182,7 @@ def test_the_page_shows_the_pipeline_as_it_is(graph):
 def test_the_picture_shows_every_family_but_the_check(graph):
     flow = staleness.families(graph)
     assert ("train_main", "finetune") in flow.edges
-    assert set(flow) == ALL - {"config"}
+    assert set(flow) == ALL - {"code", "config"}
 
 
 def test_arrows_of_the_picture_go_to_the_right_around_all_boxes(graph):

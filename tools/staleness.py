@@ -2,7 +2,7 @@
 
 A change is a key of params.yaml, such as `features.lstm.grid_cells`, or a file. Both answers come from the
 pipeline's own graph, without running anything. `--write` puts the table into ARCHITECTURE.md and draws
-docs/pipeline.png, as `make readme` does. `config` only checks values, so nothing after it gets stale.
+docs/pipeline.png, as `make readme` does. `config` and `code` write what others depend on part by part.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ from pedpred.config import SHARED, plain, read_params
 from pedpred.errors import FileError, ValueRuleError, user_errors
 from pedpred.files import write_text
 from pedpred.report.canvas import write_png
+from stages.code import CODE, ROOT, files_of
 from tools.arguments import in_project
 from tools.pipeline_picture import draw_families
 from tools.readme import filled
 
 PAGE, PICTURE = Path("ARCHITECTURE.md"), Path("docs/pipeline.png")
-CHECK = "config"
-"""The stage whose output does not depend on the values that it checks."""
+FIRST = ("config", "code")
+"""Stages that write a file per part of params.yaml and per script; others depend on some of these files."""
 CHANGES = {
     "the LSTM's grid": "features.lstm.grid_cells",
     "the rays of Mixture": "features.mixture.beams",
@@ -79,12 +80,24 @@ def reads(stage: Stage, change: str) -> bool:
     """
     shared, path = str(SHARED / f"{change.partition('.')[0]}.yaml"), Path(os.path.relpath(change)).parts
     for dependency in stage.deps:
-        if _overlap(path, Path(dependency.def_path).parts) or dependency.def_path == shared:
+        if dependency.def_path == shared:
+            return True
+        if any(_overlap(path, file) for file in _files(dependency.def_path)):
             return True
         keys = dependency.params if isinstance(dependency, ParamsDependency) else ()
         if any(_overlap(change.split("."), key.split(".")) for key in keys):
             return True
     return False
+
+
+@functools.cache
+def _files(dependency: str) -> list[tuple[str, ...]]:
+    """The paths, by their parts, that a dependency stands for: of a file of data/code, those listed in it."""
+    path = Path(dependency)
+    if path.parent != CODE:
+        return [path.parts]
+    script = (ROOT / "stages" / path.name).with_suffix(".py")
+    return [file.relative_to(ROOT).parts for file in files_of(script)]
 
 
 def _overlap(one: Sequence[str], other: Sequence[str]) -> bool:
@@ -128,7 +141,7 @@ def stale(graph: nx.DiGraph, change: str) -> set[str]:
     """
     if not change or not (Path(change).exists() or _is_key(change)):
         raise ValueRuleError("change", change, "there is no such file or key of params.yaml")
-    first = [stage for stage in graph if reads(stage, change) and stage.name != CHECK]
+    first = [stage for stage in graph if reads(stage, change) and stage.name not in FIRST]
     if _is_composed(change) or (not first and _in_conf(change)):
         rule = "params.yaml is composed of it: name the key that changes, such as features.lstm.grid_cells"
         raise ValueRuleError("change", change, rule)
@@ -156,10 +169,10 @@ def staleness_table(graph: nx.DiGraph) -> str:
 
 
 def families(graph: nx.DiGraph) -> nx.DiGraph:
-    """Families of stages but the check, each with an edge to those that read from it; no shortcuts."""
+    """Families of stages but the first ones, each with an edge to those that read from it; no shortcuts."""
     joined = nx.quotient_graph(graph, lambda one, other: family(one.name) == family(other.name))
     named = nx.relabel_nodes(joined, {node: family(next(iter(node)).name) for node in joined})
-    named.remove_node(CHECK)
+    named.remove_nodes_from(FIRST)
     return nx.transitive_reduction(named).reverse()
 
 

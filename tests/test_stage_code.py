@@ -1,0 +1,122 @@
+"""What the stages depend on: all code that they import, and nothing that only says something."""
+
+import ast
+import sys
+from importlib import import_module
+
+import pytest
+
+from stages import code
+from stages.code import CODE, ROOT, UNRELATED, code_behind, files_of, listing, meaning, scripts
+
+TEXT = '''"""Title."""
+import math  # why
+
+
+def half(x):
+    """Return a half.
+
+    A string # without a comment.
+    """
+    # in detail
+    text = "# no comment"
+    return math.floor(x) / 2, text, """
+    # kept
+
+    two lines below  
+    """
+
+
+LIMIT = 3
+"""Of x."""
+'''
+FILES = sorted([*(ROOT / "pedpred").rglob("*.py"), *(ROOT / "stages").glob("*.py")])
+
+
+class WithoutDocstrings(ast.NodeTransformer):
+    """Leaves out strings that stand alone, which have no effect."""
+
+    def visit_Expr(self, node):
+        match node:
+            case ast.Expr(ast.Constant(str())):
+                return None
+        return node
+
+
+def effect(text):
+    return ast.dump(WithoutDocstrings().visit(ast.parse(text)))
+
+
+def with_bodies(text):
+    """The same program, which still is one without its docstrings."""
+    lines = text.splitlines()
+    for node in ast.walk(ast.parse(text)):
+        match node:
+            case (
+                ast.FunctionDef(body=[ast.Expr(ast.Constant(str()))])
+                | ast.ClassDef(body=[ast.Expr(ast.Constant(str()))])
+            ):
+                lines[node.end_lineno - 1] += f"\n{' ' * node.body[0].col_offset}pass"
+    return "\n".join(lines)
+
+
+def test_what_is_only_said_changes_nothing():
+    other = TEXT.replace("Title", "Name").replace("# why", "# because").replace("# in detail", "")
+    other = (
+        other.replace("Return a half.", "Halve.").replace("Of x", "Most").replace("\n\n\n", "\n\n# more\n")
+    )
+    assert other != TEXT
+    assert meaning(other) == meaning(TEXT)
+
+
+CHANGES = [("/ 2", "/ 3"), ("# no comment", "# a comment"), ("= 3", "= 4")]
+CHANGES += [("# kept", "# lost"), ("kept\n\n", "kept\n"), ("below  ", "below")]
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_is_run_changes_something(change):
+    assert meaning(TEXT.replace(*change)) != meaning(TEXT)
+
+
+def test_all_that_is_run_is_left():
+    for path in FILES:
+        text = with_bodies(path.read_text())
+        assert effect(meaning(text)) == effect(text), path
+
+
+def test_what_a_module_uses_is_among_the_files_behind_it():
+    """Also what it imports inside functions, by public names of packages, or on first use."""
+    for script in scripts():
+        import_module(f"stages.{script.stem}")
+    modules = {m.__file__: m for name, m in sys.modules.items() if name.startswith(("pedpred.", "stages."))}
+    assert len(modules) > 200
+    for file, module in modules.items():
+        homes = {getattr(value, "__module__", None) for value in vars(module).values()}
+        used = {
+            sys.modules[home].__file__
+            for home in homes
+            if home in sys.modules and home.startswith("pedpred.")
+        }
+        assert used & modules.keys() <= {str(path) for path in code_behind(ROOT / file)}, file
+
+
+def test_a_stage_depends_on_the_files_beside_its_code_and_not_on_how_files_are_written():
+    names = {str(path.relative_to(ROOT)) for path in files_of(ROOT / "stages/report.py")}
+    assert {"pedpred/report/page/page.html", "pedpred/report/page/replay.js", "stages/report.py"} <= names
+    assert not {str(path.relative_to(ROOT)) for path in UNRELATED} & names
+
+
+def test_a_stage_finds_a_line_per_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code.main()
+    assert sorted(path.name for path in (tmp_path / CODE).iterdir()) == sorted(
+        path.stem for path in scripts()
+    )
+    (script,) = [path for path in scripts() if path.stem == "fetch"]
+    lines = (tmp_path / CODE / "fetch").read_text()
+    assert lines == listing(script)
+    assert [line.split()[1] for line in lines.splitlines()] == [
+        "pedpred/sources/archives.py",
+        "pedpred/sources/mirrors.py",
+        "stages/fetch.py",
+    ]
