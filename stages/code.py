@@ -1,7 +1,7 @@
-"""code: for each stage, the files of the project that its script imports, and what is in them.
+"""code: the files of the project that each stage's script imports, and each network, with what is in them.
 
-A stage depends on data/code/SCRIPT alone, so that a change of the code makes exactly those stages stale that
-run it. Comments, docstrings and blank lines do not count.
+A stage depends on data/code/SCRIPT, and on data/code/methods/GROUP if it runs networks of that group, so that
+a change of the code makes those stages stale that run it. Comments, docstrings and blank lines do not count.
 """
 
 from __future__ import annotations
@@ -10,16 +10,20 @@ import ast
 import hashlib
 import io
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any
 
-from pedpred.config import config_errors
+from omegaconf import DictConfig
+
+from pedpred.config import plain, stage
 from pedpred.files import write_text
+from pedpred.models.registry import ARCHITECTURES
 
 ROOT = Path(__file__).resolve().parents[1]
 CODE = Path("data/code")
-"""A file for each script."""
+"""A file for each script, and one in `methods` for each group of networks."""
 
 _NAMES = ("arrays", "compiled", "config", "contents", "errors", "fields", "files", "lazy", "plain", "workers")
 UNRELATED = {ROOT / f"pedpred/{name}.py" for name in _NAMES}
@@ -72,9 +76,9 @@ def code_behind(script: Path) -> set[Path]:
     return seen
 
 
-def files_of(script: Path) -> list[Path]:
-    """Return what the results of a stage depend on: its code, and other files beside that."""
-    code = code_behind(script) - UNRELATED
+def files_of(*scripts: Path) -> list[Path]:
+    """Return what results of scripts depend on: their code, and other files beside that."""
+    code = set().union(*map(code_behind, scripts)) - UNRELATED
     beside = {
         path for folder in {path.parent for path in code} for path in folder.iterdir() if _is_read(path)
     }
@@ -131,22 +135,32 @@ def _comments(text: str) -> Iterator[Span]:
             yield (line, begin), (line, begin + len(token.string.encode()))
 
 
-def listing(script: Path) -> str:
-    """Return a line per file that a stage depends on, with its checksum."""
-    return "".join(f"{checksum(path)} {path.relative_to(ROOT)}\n" for path in files_of(script))
-
-
 def scripts() -> list[Path]:
     """Return the scripts of all other stages."""
     others = (path for path in (ROOT / "stages").glob("*.py") if path != Path(__file__).resolve())
     return sorted(path for path in others if "__main__" in path.read_text(encoding="utf-8"))
 
 
-def main() -> None:
-    """Write data/code/<script> for every stage."""
-    with config_errors():
-        for script in scripts():
-            write_text(CODE / script.stem, listing(script))
+def listings(methods: Mapping[str, Mapping[str, Any]]) -> dict[Path, list[Path]]:
+    """Return what is written: file -> the files that it lists.
+
+    Args:
+        methods: of params.yaml.
+    """
+    files = {CODE / script.stem: files_of(script) for script in scripts()}
+    for group, rows in methods.items():
+        known = {row["settings"].get("architecture") for row in rows.values()} & ARCHITECTURES.keys()
+        modules = [ARCHITECTURES[name].rpartition(".")[0] for name in sorted(known)]
+        if homes := [file for module in modules if (file := file_of(module))]:
+            files[CODE / "methods" / group] = files_of(*homes)
+    return files
+
+
+@stage
+def main(cfg: DictConfig) -> None:
+    """Write data/code."""
+    for path, files in listings(plain(cfg.methods)).items():
+        write_text(path, "".join(f"{checksum(file)} {file.relative_to(ROOT)}\n" for file in files))
 
 
 if __name__ == "__main__":

@@ -118,8 +118,7 @@ def additions():
             "pedpred/models/toy.py": {"": inspect.getsource(architecture)},
             "conf/methods/networks.yaml": {"": f"toy: {json.dumps(NETWORK)}"},
             "pedpred/models/registry.py": {
-                "from pedpred.models.lstm.network": "from pedpred.models.toy import ToySettings",
-                "ARCHITECTURES:": '    "toy": ToySettings,',
+                "ARCHITECTURES =": '    "toy": "pedpred.models.toy.ToySettings",',
             },
         },
         "input channel": {

@@ -28,7 +28,7 @@ MADE_WITH = dataclasses.replace(LSTM_ROWS, protocol=ForecastProtocol(horizon_ste
 @pytest.fixture
 def network(monkeypatch, tmp_path):
     """Trained for a moment, written and read."""
-    monkeypatch.setitem(ARCHITECTURES, "toy", ToySettings)
+    monkeypatch.setitem(ARCHITECTURES, "toy", f"{ToySettings.__module__}.ToySettings")
     data = toy_data(np.random.default_rng(0))
     torch.manual_seed(0)
     toy = parse_settings({"architecture": "toy", "units": 6}).build(data.widths, data.horizon_steps)

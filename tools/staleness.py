@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import functools
+import itertools
 import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -27,7 +28,7 @@ from pedpred.config import SHARED, plain, read_params
 from pedpred.errors import FileError, ValueRuleError, user_errors
 from pedpred.files import write_text
 from pedpred.report.canvas import write_png
-from stages.code import CODE, ROOT, files_of
+from stages.code import CODE, ROOT, listings
 from tools.arguments import in_project
 from tools.pipeline_picture import draw_families
 from tools.readme import filled
@@ -46,6 +47,7 @@ CHANGES = {
     "a label or colour": "report.methods.lstm.label",
     "a recording's tracker": "trackers.tuned_on_eth.acceleration_noise",
     "code of a network": "pedpred/models/mixture/network.py",
+    "code of the exports": "pedpred/models/export.py",
     "code of the pages": "pedpred/report/tables.py",
 }
 """Row of the table -> its change."""
@@ -93,11 +95,11 @@ def reads(stage: Stage, change: str) -> bool:
 @functools.cache
 def _files(dependency: str) -> list[tuple[str, ...]]:
     """The paths, by their parts, that a dependency stands for: of a file of data/code, those listed in it."""
-    path = Path(dependency)
-    if path.parent != CODE:
+    path, methods = Path(dependency), _params(ROOT)["methods"]
+    if not path.is_relative_to(CODE):
         return [path.parts]
-    script = (ROOT / "stages" / path.name).with_suffix(".py")
-    return [file.relative_to(ROOT).parts for file in files_of(script)]
+    listed = (files for name, files in listings(methods).items() if name.is_relative_to(path))
+    return [file.relative_to(ROOT).parts for file in itertools.chain(*listed)]
 
 
 def _overlap(one: Sequence[str], other: Sequence[str]) -> bool:

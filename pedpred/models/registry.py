@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import torch
 
@@ -14,17 +15,24 @@ from pedpred.fields import check_choice, check_mapping
 from pedpred.files import read_json, translate_errors
 from pedpred.models.contract import ForecastNetwork, NetworkSettings
 from pedpred.models.features import RowFormat
-from pedpred.models.lstm.network import LstmSettings
-from pedpred.models.mixture.network import MixtureSettings
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
-ARCHITECTURES: dict[str, type[NetworkSettings]] = {
-    "lstm": LstmSettings,
-    "mixture": MixtureSettings,
+ARCHITECTURES = {
+    "lstm": "pedpred.models.lstm.network.LstmSettings",
+    "mixture": "pedpred.models.mixture.network.MixtureSettings",
 }
-"""`architecture`, in configuration and checkpoints, -> its settings, which build the network."""
+"""`architecture`, in configuration and checkpoints, -> the class of its settings, which build the network.
+
+It is imported where it is asked for, so that a change of one network concerns no other.
+"""
 
 _KIND = "motion"
+
+
+def settings_class(architecture: str) -> type[NetworkSettings]:
+    """Import the class of an architecture's settings."""
+    module, _, name = ARCHITECTURES[architecture].rpartition(".")
+    return cast(type[NetworkSettings], getattr(import_module(module), name))
 
 
 def parse_settings(plain: Mapping[str, Any]) -> NetworkSettings:
@@ -37,12 +45,13 @@ def parse_settings(plain: Mapping[str, Any]) -> NetworkSettings:
     fields = dict(plain)
     name = fields.pop("architecture", None)
     check_choice("architecture", name, ARCHITECTURES)
-    return ARCHITECTURES[name].parse(fields)
+    return settings_class(name).parse(fields)
 
 
 def plain_settings(settings: NetworkSettings) -> dict[str, Any]:
     """The inverse of `parse_settings`."""
-    names = [name for name, kind in ARCHITECTURES.items() if type(settings) is kind]
+    kind = f"{type(settings).__module__}.{type(settings).__qualname__}"
+    names = [name for name, path in ARCHITECTURES.items() if path == kind]
     return {"architecture": names[0], **settings.plain()}
 
 
@@ -71,7 +80,7 @@ def load_format(folder: Path) -> RowFormat:
 
 
 def is_network(about: Mapping[str, Any]) -> bool:
-    """Whether a checkpoint's description is that of a recurrent network."""
+    """Whether a checkpoint's description is that of a network which forecasts."""
     return about["kind"] == _KIND
 
 
