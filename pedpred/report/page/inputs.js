@@ -12,7 +12,7 @@ function brushOf(canvas) {
 }
 
 function drawPerson(brush, x, y, radius) {
-  brush.fillStyle = ink("accent");
+  brush.fillStyle = ink("near");
   brush.beginPath();
   brush.moveTo(x, y - 1.9 * radius);
   brush.lineTo(x + radius, y + radius);
