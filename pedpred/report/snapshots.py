@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.projections.polar import PolarAxes
 
 from pedpred.evaluation.forecasts import EvaluationWindows
@@ -37,8 +38,10 @@ def draw_grid(axes: Axes, grid: np.ndarray, resolution_m: float) -> None:
     palette = ListedColormap(["white", OBSTACLE])
     extent = (-half_m, half_m, -half_m, half_m)
     axes.imshow(grid_image(grid), extent=extent, cmap=palette, vmin=0, vmax=1, interpolation="nearest")
-    axes.annotate("", (0, 0.9), (0, 0), arrowprops={"arrowstyle": "-|>", "color": INK, "linewidth": 1.5})
-    axes.plot(0, 0, marker="o", markersize=6, color=INK)
+    halo = [withStroke(linewidth=4, foreground="white")]  # seen on obstacles, too
+    arrow: dict[str, Any] = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.5, "path_effects": halo}
+    axes.annotate("", (0, 0.9), (0, 0), arrowprops=arrow)
+    axes.plot(0, 0, marker="o", markersize=6, color=INK, path_effects=halo)
     axes.set(xticks=[-half_m, 0, half_m], yticks=[-half_m, 0, half_m], title="obstacle grid [m]")
     axes.set_xticklabels([f"{half_m:g} left", "", f"{half_m:g} right"])
     axes.set_yticklabels([f"{half_m:g} behind", "", f"{half_m:g} ahead"])
