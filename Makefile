@@ -42,7 +42,7 @@ tune: setup ## fit trackers and social forces to real places again (writes conf/
 	places=$$(python -m tools.places fitted_on) && for place in $$places; do python -m tools.fit_social_force $$place || exit; done
 	python -m pedpred.config
 
-reproduce: setup ## raw data -> networks -> reports/ and tables of the pages; does only what is out of date
+reproduce: setup ## run what is out of date: raw data, networks, reports/ and the tables of the pages
 	@python -m tools.mend_lock
 	@python -m pedpred.config --check
 	@python -m tools.recordings
@@ -51,16 +51,16 @@ reproduce: setup ## raw data -> networks -> reports/ and tables of the pages; do
 	dvc repro --keep-going || failed=1; \
 	python -m tools.readme || failed=1; exit $$failed
 
-compare: setup ## which metrics moved beyond their intervals since REV=<revision>; fails when some got worse
+compare: setup ## list metrics that left their intervals since REV=<revision>; fails if some got worse
 	@python -m tools.compare $(REV)
 
-judge: setup ## measure models/online/default: places, laws, speed; fails when a promise is broken or REV has a better one
+judge: setup ## measure models/online/default: errors, exact properties, speed; fails if a promise is broken or the model of REV is better
 	python -m tools.judge --against $(REV)
 
-release: setup ## make models/online/large the default, unless the present one is better or keeps more promises; ACCEPT="hotel": may get worse
+release: setup ## make models/online/large the default model, unless it is worse or breaks more promises; ACCEPT="hotel" lets that get worse
 	python -m tools.judge models/online/large --replace models/online/default $(if $(ACCEPT),--accept "$(ACCEPT)")
 
-smoke: setup ## the whole pipeline at toy size, away from your results (minutes)
+smoke: setup ## run the whole pipeline at toy size in build/smoke, apart from your results (minutes)
 	@.ci/smoke
 
 test: setup ## run the tests
@@ -69,13 +69,13 @@ test: setup ## run the tests
 rosenv: setup
 	@.ci/ros
 
-ros: rosenv ## the ROS 2 node, publishers and recorders as processes on real middleware (no part of `make test`)
+ros: rosenv ## run the ROS 2 node with publishers and recorders on real middleware (not part of `make test`)
 	PEDPRED_REQUIRE_ROS=1 python -m pytest --numprocesses 2 --max-worker-restart 0 tests/test_ros_node.py tests/test_ros_viewers.py tests/test_ros_package.py
 
-pythons: ## what a robot installs, tried on other versions of Python: make pythons PYTHONS="python3.12 python3.13"
+pythons: ## try the installation of a robot on other versions of Python: make pythons PYTHONS="python3.12 python3.13"
 	@.ci/pythons $(PYTHONS)
 
-trust: setup ## damaged files, killed stages, a million frames: what is promised, tried at length (two to three hours)
+trust: setup ## test the guarantees at length: damaged files, killed stages, a million frames (two to three hours)
 	python -m tests.trust.campaign
 	python -m tests.trust.faults
 	python -m tests.trust.soak
@@ -92,11 +92,11 @@ dist: setup ## build the wheel and the source archive into build/dist
 	rm -rf build/dist
 	build/packager/bin/python -m build --outdir build/dist .
 
-audit: setup ## known weaknesses of the pinned dependencies; asks osv.dev, so it needs the network
+audit: setup ## look up known vulnerabilities of the pinned dependencies at osv.dev (needs the network)
 	build/audit/bin/pip-audit --version > /dev/null 2>&1 || { python -m venv --clear build/audit && build/audit/bin/pip install --quiet pip-audit; }
 	build/audit/bin/pip-audit --requirement $(CONSTRAINTS) --no-deps --disable-pip --vulnerability-service osv
 
-check: setup ## lint, format, types, import contracts, params.yaml, style of the pages
+check: setup ## check lint, format, types, import contracts, params.yaml and the style of the pages
 	ruff check .
 	ruff format --check .
 	mypy

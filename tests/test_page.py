@@ -406,6 +406,26 @@ def test_a_replay_keeps_its_stretch_and_the_seconds_that_its_forecasts_are_about
     np.testing.assert_array_equal(shown, scene.occupancy.occupied.T)
 
 
+def test_a_forecast_is_shown_until_the_next_one_where_they_are_rarer_than_detections(visit, hall):
+    scene, windows = hall
+    kept = np.isclose(windows.time_s % 0.6, 0.0) | np.isclose(windows.time_s % 0.6, 0.6)
+    rare = dataclasses.replace(
+        windows,
+        predictions={name: p.select(np.flatnonzero(kept)) for name, p in windows.predictions.items()},
+        **{
+            each.name: getattr(windows, each.name)[kept]
+            for each in dataclasses.fields(windows)
+            if isinstance(getattr(windows, each.name), np.ndarray)
+        },
+    )
+    begin, end = np.unique(rare.time_s)[:2]
+    assert end - begin > 1.5 * scene.detection_dt_s
+    shown = decoded(
+        visit, replay(scene, rare, KEPT, METHODS), "[0.01, 0.3, 0.59].map((t) => replay.rowsAt(t).size)"
+    )
+    assert shown == [int((rare.time_s == begin).sum())] * 3
+
+
 def test_the_player_holds_the_forecasts_to_half_a_centimetre(visit, hall):
     _, windows = hall
     order = np.lexsort((windows.time_s, windows.track_id))

@@ -179,6 +179,14 @@ def test_the_page_shows_the_pipeline_as_it_is(graph):
     assert filled(page, staleness.marked(graph)) == page
 
 
+def test_the_picture_is_the_same_each_time(graph):
+    """The layout iterates over sets, whose order must not follow addresses in memory."""
+    flow, kept = staleness.families(graph), []
+    for _ in range(8):
+        kept.append(pipeline_picture.Layout(flow))  # keeps its addresses
+    assert all((one.at, one.arrows) == (kept[0].at, kept[0].arrows) for one in kept)
+
+
 def test_the_picture_shows_every_family_but_the_check(graph):
     flow = staleness.families(graph)
     assert ("train_main", "finetune") in flow.edges

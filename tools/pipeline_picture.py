@@ -42,6 +42,18 @@ class Box(Vertex):
         return self.number
 
 
+class Arrow(Edge):
+    """From one family to another; see `Box` for its hash."""
+
+    def __init__(self, one: Box, other: Box, number: int):
+        super().__init__(one, other)
+        self.number = number
+        self.view = EdgeViewer()
+
+    def __hash__(self) -> int:
+        return self.number
+
+
 class Layout:
     """Where families and arrows are (Sugiyama et al. 1981).
 
@@ -53,9 +65,8 @@ class Layout:
     def __init__(self, flow: nx.DiGraph):
         """Arrange families whose graph is connected and has no loops."""
         boxes = {name: Box(name, number) for number, name in enumerate(sorted(flow))}
-        edges = [Edge(boxes[one], boxes[other]) for one, other in sorted(flow.edges)]
-        for edge in edges:
-            edge.view = EdgeViewer()
+        ends = enumerate(sorted(flow.edges))
+        edges = [Arrow(boxes[one], boxes[other], number) for number, (one, other) in ends]
         (connected,) = Graph([*boxes.values()], edges).C
         layout = SugiyamaLayout(connected)
         layout.xspace, layout.yspace, layout.dw = BETWEEN, COLUMNS_APART, LANE

@@ -157,7 +157,7 @@ def stale(graph: nx.DiGraph, change: str) -> set[str]:
 
 def staleness_table(graph: nx.DiGraph) -> str:
     """Markdown: a row per change, with the number of stages that it makes stale, by family."""
-    lines = [f"| a change of | stale of {len(graph)} stages | which |", "| --- | ---: | --- |"]
+    lines = [f"| a change of | stale stages, of {len(graph)} | which |", "| --- | ---: | --- |"]
     sizes = Counter(family(stage.name) for stage in graph)
     for title, change in CHANGES.items():
         names = stale(graph, change)

@@ -1,4 +1,4 @@
-"""Describe and convert recordings of pedestrians, forecast in them, evaluate networks; compile beforehand."""
+"""Forecast pedestrians in recordings, describe and convert recordings, and evaluate networks."""
 
 from __future__ import annotations
 

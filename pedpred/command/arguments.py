@@ -185,29 +185,33 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     command.set_defaults(action=action)
     command.add_argument("scene", type=named_path, nargs=scenes, help=_SCENE)
     option = _about(command, "recordings")
-    option("--topic", help="of a bag's people, if several topics carry people")
-    grids = "of a bag's map, if it is not called map (default: the one that is not a costmap); '': no map"
+    option("--topic", help="topic of the people in a bag, if several topics carry people")
+    grids = "topic of the map in a bag (default: /map, or else the only grid that is no costmap); '': no map"
     option("--map-topic", help=grids)
     kinds = f"class of people in a bag or table (default: {', '.join(PERSON_CLASSES)}; in a table also other "
-    kinds += "words for them); may be repeated"
+    kinds += "words for people); may be repeated"
     option("--class", dest="classes", action="append", metavar="CLASS", help=kinds)
-    pose = "pose of the people's frame in the map's frame, if they differ, m, m, rad"
+    pose = "pose of the people's frame in the map's frame, if the two differ, m, m, rad"
     option("--transform", type=float, nargs=3, metavar=("X", "Y", "YAW"), help=pose)
-    named = "columns of a table in order, in place of its header, such as time,id,x,y; others are ignored"
+    named = (
+        "names of a table's columns in order, instead of its header, such as time,id,x,y; others are ignored"
+    )
     option("--columns", help=named)
-    counted = "of frame numbers, in a file that does not say it, Hz"
+    counted = "frames per second, if the file counts frames and does not state their rate, Hz"
     option("--rate", "--frame-rate", type=float, help=counted)
-    long = "of lengths in a table or text (default: what the file says, else m)"
+    long = "unit of lengths in a table or text (default: what the file says, else m)"
     option("--unit", choices=list(UNITS), help=long)
-    side = "side of a pixel where positions are pixels of a picture (Stanford Drone Dataset, tables), m"
+    side = "side of a pixel, if positions are pixels of a picture (Stanford Drone Dataset, tables), m"
     option("--scale", type=_number(float, 1e-6, 10.0), metavar="METRES_PER_PIXEL", help=side)
-    flat = "in place of --scale: a text with 3 x 3 numbers, which map (x, y, 1) in pixels to metres"
+    flat = "instead of --scale: a text file with 3 x 3 numbers that map (x, y, 1) in pixels to metres"
     option("--homography", type=named_path, metavar="FILE", help=flat)
-    replaced = "map.yaml, its picture or folder, or a geometry of JuPedSim (.xml, .wkt); replaces the map "
-    replaced += "(default: that of the recording, or the map.yaml beside a table)"
+    replaced = (
+        "map.yaml, its picture or its folder, or a geometry of JuPedSim (.xml, .wkt); replaces the map "
+    )
+    replaced += "(default: that of the recording, or the map.yaml in the folder of a table)"
     option("--map", type=named_path, help=replaced)
-    option("--no-map", action="store_true", help="without obstacles, even if a map is there")
-    end = "an edge of the geometry's outline beyond which the corridor goes on; may be repeated"
+    option("--no-map", action="store_true", help="ignore all maps: no obstacles")
+    end = "an edge of the geometry's outline beyond which the ground continues; may be repeated"
     ends = ("X1", "Y1", "X2", "Y2")
     option("--open-end", type=float, nargs=4, metavar=ends, action="append", default=[], help=end)
     return command
@@ -223,13 +227,13 @@ def _model(command: argparse.ArgumentParser, tracker: str) -> None:
     command.add_argument(
         "--tracker", type=lambda text: text if text == "tune" else named_path(text), help=tracker
     )
-    lines = "forecasts of the network alone: learn nothing from people who have left"
+    lines = "forecasts of the network alone, without learning how far to trust it from people who have left"
     command.add_argument("--no-trust", dest="trust", action="store_false", help=lines)
 
 
 def _conditions(command: argparse.ArgumentParser) -> None:
     usual = (
-        "measure as the literature on ETH and UCY does: 8 annotations 0.4 s apart are seen, 12 are forecast"
+        "measure as the literature on ETH and UCY does: 8 annotations at 0.4 s are the input, 12 are forecast"
     )
     command.add_argument("--protocol", choices=[PROTOCOL], help=usual)
     command.add_argument("--alone", action="store_true", help="forecast each person without the other people")
@@ -240,53 +244,63 @@ def _conditions(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--forecasts", type=named_path, action="append", default=[], metavar="FILE", help=theirs
     )
-    step = "time between two steps of such tables, s: once for all, or once for each (default: that of the "
-    step += "model; 0.4 with --protocol)"
+    step = (
+        "time between two steps of the tables of --forecasts, s: one for all, or one for each (default: that "
+    )
+    step += "of the model; 0.4 with --protocol)"
     command.add_argument("--step-s", type=_number(float, 0.01, 10.0), action="append", default=[], help=step)
 
 
 def _measures(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--json", type=named_path, help="write all figures there")
+    command.add_argument("--json", type=named_path, help="write all metrics to this JSON file")
     add, usual, positive = command.add_argument, EvaluationSettings(), _number(float, 1e-6, 1e6)
-    _add_number(add, "--moving-mps", positive, usual.moving_mps, "slower pedestrians count as standing, m/s")
-    near = "forecast paths nearer than this collide, m"
+    _add_number(
+        add, "--moving-mps", positive, usual.moving_mps, "people slower than this count as standing, m/s"
+    )
+    near = "forecast paths closer than this collide, m"
     _add_number(add, "--collision-m", positive, usual.collision_m, near)
     _add_number(add, "--samples", _number(int, 1, 100_000), 1000, "bootstrap replicates")
-    _add_number(add, "--seed", _number(int, 0, 2**63), 0, "of the bootstrap")
+    _add_number(add, "--seed", _number(int, 0, 2**63), 0, "seed of the bootstrap")
 
 
 def _drives(command: argparse.ArgumentParser) -> None:
-    world = "drive in simulated worlds of this kind, one for each episode, in place of a scene"
+    world = "drive in simulated worlds of this kind, a new one for each episode, instead of a scene"
     command.add_argument("--world", choices=WORLDS, help=world)
-    reaction = "whether simulated people respect the robot as one of them (default react)"
+    reaction = "whether simulated people react to the robot or ignore it (default react)"
     command.add_argument("--people", choices=REACTIONS, help=reaction)
-    shown = "tell the forecaster where the robot is, as one more person"
+    shown = "give the robot's position to the forecaster, as that of one more person"
     command.add_argument("--shown", action="store_true", help=shown)
-    table = "drives are kept there, and not repeated (default: NAME_drives.csv in the current folder)"
+    table = "file of results; drives in it are not repeated (default: NAME_drives.csv in the current folder)"
     of_tables = _about(command, "tables")
     of_tables("--table", type=named_path, metavar="CSV", help=table)
-    _add_number(of_tables, "--episodes", _number(int, 1, 1e6), 100, "number")
-    command.add_argument("--method", choices=NAMES, action="append", help="may be repeated (default: all)")
-    limit = "limits of the probability to overlap somebody, one or several (default 0.02 0.05 0.1 0.2 0.4)"
+    _add_number(of_tables, "--episodes", _number(int, 1, 1e6), 100, "number of episodes")
+    command.add_argument(
+        "--method", choices=NAMES, action="append", help="forecaster; may be repeated (default: all)"
+    )
+    limit = (
+        "largest probability that the robot overlaps a person, one or several (default 0.02 0.05 0.1 0.2 0.4)"
+    )
     rate = _number(float, 0.0, 0.99)
     command.add_argument("--risk", type=rate, action="extend", nargs="+", metavar="P", help=limit)
-    _add_number(command.add_argument, "--seed", _number(int, 0, 2**63), 0, "of episodes and sensor")
+    _add_number(command.add_argument, "--seed", _number(int, 0, 2**63), 0, "seed of episodes and sensor")
     add_model(command)
     other = "also drive with all modes of this model folder, under this name in the table; may be repeated"
     command.add_argument("--compare", type=_named, action="append", metavar="NAME=FOLDER", help=other)
     robot, sensor, add = Robot(), SensorSettings(), command.add_argument
-    add("--robot", choices=KINDS, default=robot.kind, help=f"(default {robot.kind})")
+    add("--robot", choices=KINDS, default=robot.kind, help=f"kind of robot (default {robot.kind})")
     length, noise = _number(float, 0.05, 10.0), "standard deviation of a detection's coordinate, m"
-    _add_number(add, "--radius-m", length, robot.radius_m, "of the robot, m")
-    _add_number(add, "--speed-mps", length, robot.speed_mps, "its largest speed, m/s")
-    _add_number(add, "--range-m", _number(float, 0.1, 1000.0), sensor.range_m, "of its sensor, m")
-    _add_number(add, "--view-deg", _number(float, 1.0, 360.0), 360.0, "field of view, degrees")
+    _add_number(add, "--radius-m", length, robot.radius_m, "radius of the robot, m")
+    _add_number(add, "--speed-mps", length, robot.speed_mps, "largest speed of the robot, m/s")
+    _add_number(add, "--range-m", _number(float, 0.1, 1000.0), sensor.range_m, "range of the sensor, m")
+    _add_number(add, "--view-deg", _number(float, 1.0, 360.0), 360.0, "field of view of the sensor, degrees")
     _add_number(add, "--noise-m", _number(float, 0.0, 10.0), sensor.noise_m, noise)
     _add_number(add, "--missed", _number(float, 0.0, 0.99), sensor.missed, "share of missing detections")
     _add_number(of_tables, "--processes", _number(int, 1, 1000), 1, "worker processes")
-    picture = "draw collisions over the time to the goal there, a curve for each method"
+    picture = "draw collisions over the time to the goal into this file, a curve for each method"
     of_tables("--curves", type=named_path, metavar="NAME.png", help=picture)
-    record = "write one episode instead: of one method (default: modes) as MCAP, or a picture of several"
+    record = (
+        "only write one episode: as MCAP with one method (default: modes), or as a picture of several methods"
+    )
     command.add_argument("--record", type=named_path, metavar="NAME.mcap|NAME.png", help=record)
     which = "number of the episode to record (default 0)"
     command.add_argument("--episode", type=_number(int, 0, 1e6), help=which)

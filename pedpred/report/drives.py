@@ -38,7 +38,8 @@ LABELS = {
     "lstm": "LSTM",
 }
 """Names of forecasters in words; other networks keep their names."""
-_COLOURS = ("#7F7F7F", "#E69F00", "#0072B2", "#CC79A7", "#D55E00", "#56B4E9", "#009E73", "#882255")
+_COLOURS = ("#E69F00", "#7F7F7F", "#0072B2", "#CC79A7", "#D55E00", "#009E73", "#56B4E9", "#882255")
+"""Those of conf/report/methods.yaml where the method is the same."""
 _CERTAIN, _MARKERS = "o", "sD^vP*X"
 """Marker of methods without a limit of risk; those of the limits, from the smallest, in all curves."""
 _COLOUR = dict(zip(LABELS, _COLOURS, strict=True))
@@ -139,7 +140,7 @@ def episode_figure(drives: Sequence[tuple[Scene, Mapping[str, Any]]]) -> Figure:
         draw_ground(axes, scene.occupancy, 0, (low[0], high[0], low[1], high[1]))
         _draw_drive(axes, scene, about)
         limit = f", limit {about['risk']:g}" if about["risk"] else ""
-        late = "" if about["reached"] else ", not there"
+        late = "" if about["reached"] else ", not reached"
         label = LABELS.get(about["method"], about["method"])
         axes.set_title(f"{label}{limit}: {about['time_s']:.1f} s{late}", fontsize=9)
     return figure
@@ -245,10 +246,14 @@ def drives_table(figures: Figures) -> Table:
 
 
 _KINDS = {
-    "helps": "The episode chosen as the best for the network's modes beside the Kalman filter",
-    "hinders": "The one chosen as the worst: by collisions at fault, then all collisions, then time",
+    "helps": "The episode in which the network's modes do best compared with the Kalman filter",
+    "hinders": "The worst one: ranked by collisions at fault, then all collisions, then time",
     "usual": "The episode in the middle",
 }
+_DRAWN = (
+    "Blue: the robot, a circle every second; star: its goal; grey: people, a dot every second; crosses: "
+    "collisions, orange at the robot's fault."
+)
 
 
 def _place_section(name: str, figures: Figures, shown: Sequence[Shown]) -> Section:
@@ -258,7 +263,7 @@ def _place_section(name: str, figures: Figures, shown: Sequence[Shown]) -> Secti
     blocks.append(drives_table(figures))
     pictures = []
     for kind, episode, drives, recording in shown:
-        words = f"{_KINDS[kind]} (number {episode}). Crosses: collisions, orange at the robot's fault."
+        words = f"{_KINDS[kind]} (number {episode}). {_DRAWN}"
         if recording:
             words += f" With its forecasts: {recording}."
         pictures.append(Picture(f"{name}_{kind}", words, episode_figure(drives)))

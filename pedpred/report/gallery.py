@@ -39,6 +39,13 @@ _STILL = (
 )
 
 
+_FINE_TUNING = (
+    " Fine-tuning (step 0: before it) is validated on simulated worlds and on real places together. Its "
+    "curve can rise: what a network learns about real people makes it less accurate in simulated worlds. "
+    "A Mixture keeps its last weights, an LSTM those with the least validation error."
+)
+
+
 @dataclass(frozen=True)
 class Evaluated:
     """What was measured in a study, and what it was measured on."""
@@ -126,7 +133,8 @@ def _legend(windows: Sequence[EvaluationWindows], methods: Methods) -> str:
         f"{ARROW_S} s at the present velocity; large dots: point forecast of the {methods.main.label}; "
         f"{reading_of_modes(windows, methods.main)}small dots: forecast of the "
         f"{methods.reference.label}; dashed: the true path; empty grey circles: people without an evaluation "
-        "window."
+        "window. On the right, the inputs of the LSTM for the person in focus, heading up: obstacle grid, "
+        "and angular grid, with an arc at the nearest person of each cone (pale: nobody up to there)."
     )
 
 
@@ -183,7 +191,10 @@ def _places(scenes: Mapping[str, Scene], shown_s: float) -> Section:
     pictures = [Picture(f"tracks_{n}", n, arrangement_figure(s, shown_s)) for n, s in sorted(scenes.items())]
     rows = -(-len(pictures) // 5)
     tracks = "all tracks" if np.isinf(shown_s) else f"the tracks of the first {shown_s:.0f} s"
-    return Section(f"Places: obstacles and {tracks}", [Pictures(pictures, -(-len(pictures) // rows))])
+    return Section(
+        f"Places: obstacles and {tracks} (colours only tell tracks apart)",
+        [Pictures(pictures, -(-len(pictures) // rows))],
+    )
 
 
 def _trained_in(data_sets: Mapping[str, Sequence[Scene]]) -> list[Section]:
@@ -204,5 +215,7 @@ def _training(curves: Mapping[str, pd.DataFrame], methods: Methods) -> list[Sect
         "Validation of every stage of training, with its last value, on tracks or worlds of the sets that a "
         "network was trained on: levels of networks that are trained on different sets do not compare."
     )
+    if any(name.startswith("finetune") for name in curves):
+        caption += _FINE_TUNING
     picture = Picture("training", caption, training_figure(curves, methods))
     return [Section("Training", [Pictures([picture])], "training")]

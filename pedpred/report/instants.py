@@ -115,7 +115,7 @@ def mutual_avoidance(scenes: Mapping[str, EvaluationWindows], reference: Method)
     straight_m, true_m, other, instant = min(meetings, key=lambda meeting: meeting[0] - meeting[1])
     caption = (
         f"{instant.where}: mutual avoidance. Of all pairs who walk towards each other and pass at "
-        f"{APART_M[0]} to {APART_M[1]} m, the one that makes most room. Agents {instant.who} and {other}: "
+        f"{APART_M[0]} to {APART_M[1]} m, the pair that makes most room. People {instant.who} and {other}: "
         f"minimum distance forecast by {reference.label} {straight_m:.2f} m, actual {true_m:.2f} m."
     )
     return replace(instant, caption=caption)
@@ -138,7 +138,7 @@ def before_obstacle(
         return None
     caption = (
         f"{best.where}: a stop or a turn before an obstacle. Of all people who did not enter an obstacle, "
-        f"the {reference.label} forecast of agent {best.who} goes deepest into one, {deepest:.2f} m."
+        f"the {reference.label} forecast of person {best.who} goes deepest into one, {deepest:.2f} m."
     )
     return replace(best, caption=caption)
 

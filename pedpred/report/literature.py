@@ -28,8 +28,8 @@ _SEEN = (
 )
 _TWENTY = (
     "The error of the best of 20 forecasts, chosen with the truth. It rewards spread: read it beside the "
-    "probabilities (NLL, energy score) and the most likely path. Ours are chosen from the forecast "
-    "distribution so that they cover it (pedpred/literature/samples.py)."
+    "probabilities (NLL, energy score) and the most likely path. Those of this project are chosen "
+    "from the forecast distribution so that they cover it (pedpred/literature/samples.py)."
 )
 
 

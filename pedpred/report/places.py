@@ -73,7 +73,8 @@ def wins(studies: Studies, method: Method, methods: Methods, stand_ins: bool = F
     if not counts:
         return f"The {method.label} was evaluated at no real place."
     where = f"With {STAND_IN}" if stand_ins else f"At {REAL}"
-    return f"{where}, the {method.label} beats {methods.best_simple} {' and '.join(counts)}."
+    label = f'"{method.label}"' if "," in method.label else method.label
+    return f"{where}, the {label} beats {methods.best_simple} {' and '.join(counts)}."
 
 
 def ratios_table(studies: Studies, methods: Methods) -> Table:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.projections.polar import PolarAxes
 
 from pedpred.evaluation.forecasts import EvaluationWindows
@@ -19,7 +20,6 @@ from pedpred.report.plan import draw_ground, extent_around, obstacle_image, quar
 from pedpred.report.situation import draw_situation, drawn_points, legend_handles
 from pedpred.scenes import Scene
 
-_PERSON = "#D55E00"
 _FREE = "#E9EEF3"
 _MARGIN_M = 2.0
 """Ground shown around people and their paths in plans, m."""
@@ -38,8 +38,10 @@ def draw_grid(axes: Axes, grid: np.ndarray, resolution_m: float) -> None:
     palette = ListedColormap(["white", OBSTACLE])
     extent = (-half_m, half_m, -half_m, half_m)
     axes.imshow(grid_image(grid), extent=extent, cmap=palette, vmin=0, vmax=1, interpolation="nearest")
-    axes.annotate("", (0, 0.9), (0, 0), arrowprops={"arrowstyle": "-|>", "color": _PERSON, "linewidth": 1.5})
-    axes.plot(0, 0, marker="o", markersize=6, color=_PERSON)
+    halo = [withStroke(linewidth=4, foreground="white")]  # seen on obstacles, too
+    arrow: dict[str, Any] = {"arrowstyle": "-|>", "color": INK, "linewidth": 1.5, "path_effects": halo}
+    axes.annotate("", (0, 0.9), (0, 0), arrowprops=arrow)
+    axes.plot(0, 0, marker="o", markersize=6, color=INK, path_effects=halo)
     axes.set(xticks=[-half_m, 0, half_m], yticks=[-half_m, 0, half_m], title="obstacle grid [m]")
     axes.set_xticklabels([f"{half_m:g} left", "", f"{half_m:g} right"])
     axes.set_yticklabels([f"{half_m:g} behind", "", f"{half_m:g} ahead"])
@@ -52,14 +54,14 @@ def angular_cell_edges(cells: int) -> np.ndarray:
 
 
 def draw_angular_grid(axes: PolarAxes, distance_m: np.ndarray, range_m: float) -> None:
-    """Draw the free range pale and the nearest person of each cone as a coloured arc; the heading is up."""
+    """Draw the free range pale and the nearest person of each cone as a dark arc; the heading is up."""
     edges = angular_cell_edges(len(distance_m))
     middle, width = (edges[:-1] + edges[1:]) / 2, edges[1]
     seen = distance_m < range_m
     axes.set_theta_zero_location("N")
     axes.set_theta_direction(1)
     axes.bar(middle, distance_m, width, color=_FREE, linewidth=0)
-    axes.bar(middle[seen], 0.25, width, distance_m[seen] - 0.125, color=_PERSON, linewidth=0)
+    axes.bar(middle[seen], 0.25, width, distance_m[seen] - 0.125, color=INK, linewidth=0)
     ticks = [round(range_m * part / 3, 2) for part in (1, 2, 3)]
     axes.set(ylim=(0, range_m), title="angular pedestrian grid [m]", yticks=ticks)
     axes.set_yticklabels([f"{tick:g}" for tick in ticks], fontsize=7, color=INK)
@@ -91,7 +93,7 @@ def snapshot_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, 
     polar = cast(PolarAxes, figure.add_subplot(layout[1, -1], projection="polar"))
     draw_angular_grid(polar, windows.angular_grid_m[instant.focus], windows.max_range_m)
     above = "" if camera is None else "; the same from above"
-    title = f"Scene {scene.name}{above}; right: around person {instant.who}"
+    title = f"Scene {scene.name}{above}; right: the LSTM's inputs for person {instant.who}"
     figure.suptitle(title, x=0.01, ha="left", fontsize=10)
     figure.legend(handles=legend_handles(shown), loc="outside upper right", ncols=3)
     return figure

@@ -43,25 +43,26 @@ class NodeSettings:
         ValueRuleError: a value is none of its choices, or out of range.
     """
 
-    model: str = _told("", "a model folder; empty: the one of the package")
+    model: str = _told("", "a model folder; empty: the default model of the package")
     people_type: str = _told("people_msgs/msg/People", f"type of `people`: {', '.join(sorted(ADAPTERS))}")
     people_reliability: str = _told(
-        "best_effort", "of the subscription to people: best_effort hears every publisher; or reliable"
+        "best_effort",
+        "reliability of the subscription to people: best_effort receives from every publisher; or reliable",
     )
     class_ids: tuple[str, ...] = _told(
-        PERSON_CLASSES, "of vision_msgs, who is a person; an empty text: all classes"
+        PERSON_CLASSES, "classes of people in vision_msgs; an empty text: all classes"
     )
     identities: str = _told(
         "auto",
-        "who says who is who: given, the ids of messages; assigned, the nearest person; auto, assigned where "
-        "messages have no ids or only places in a list",
+        "how people are identified: given, by the ids of messages; assigned, by position; auto, assigned "
+        "if messages have no ids or only list positions",
     )
-    use_map: bool = _told(True, "listen to `map`; false: forecasts without walls are wanted")
-    map_frame: str = _told("map", "frame of the forecasts until a map comes, whose frame counts")
+    use_map: bool = _told(True, "subscribe to `map`; false: forecast without walls")
+    map_frame: str = _told("map", "frame of the forecasts until a map comes; then the frame of the map")
     transform_timeout_s: float = _told(0.2, "how long people wait for the transform of their time, s", True)
     max_wait_s: float = _told(
         0.3,
-        "people who waited longer for forecasts of others are left out, until the rest is in time, s",
+        "messages of people that waited longer for their forecasts are left out until the node catches up, s",
         True,
     )
     detection_noise_m: float = _told(0.0, "standard deviation of a detection's coordinate, m")
@@ -70,26 +71,26 @@ class NodeSettings:
     )
     place_file: str = _told(
         "",
-        "a JSON file that keeps what was learned at the place, read at the start, written every minute and "
-        "at the end; empty: it is learned again after each start",
+        "a JSON file that stores what was learned at the place, read at the start, written every minute and "
+        "at the end; empty: nothing is stored",
     )
     floor_m: float = _told(
         0.0,
-        "people who are more than this above or below the robot's base (or 0, where /tf names none) are on "
-        "another floor and left out, m; 0: heights do not count",
+        "people more than this above or below the robot's base (or height 0, if /tf has no base) are on "
+        "another floor and left out, m; 0: heights are ignored",
         True,
     )
-    max_age_s: float = _told(
-        0.5, "a person is forecast while the last detection is at most this old, and at most 2 s, s"
+    max_age_s: float = _told(0.5, "people are forecast until their last detection is this old, 2 at most, s")
+    most_people: int = _told(
+        1000, "largest number of forecast people; of more, those who came first are forecast"
     )
-    most_people: int = _told(1000, "of more people, those who came first are forecast, within about 0.3 s")
     occupancy_cell_m: float = _told(
         0.0,
-        "side of the cells of `predicted_occupancy`, m; above 0.3 little is seen of people; 0: no grids",
+        "side of the cells of `predicted_occupancy`, m; above 0.3, people hardly show; 0: no grids",
         True,
     )
     publish_markers: bool = _told(True, "publish `predictions/markers` for viewers", True)
-    publish_people: bool = _told(True, "publish `predictions/people`, where people_msgs is installed", True)
+    publish_people: bool = _told(True, "publish `predictions/people`, if people_msgs is installed", True)
     autostart: bool = _told(True, "configure and activate at the start; false: a lifecycle manager does it")
 
     def __post_init__(self) -> None:

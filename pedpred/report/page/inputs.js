@@ -12,11 +12,14 @@ function brushOf(canvas) {
 }
 
 function drawPerson(brush, x, y, radius) {
-  brush.fillStyle = ink("accent");
+  brush.fillStyle = ink("near");
   brush.beginPath();
   brush.moveTo(x, y - 1.9 * radius);
   brush.lineTo(x + radius, y + radius);
   brush.lineTo(x - radius, y + radius);
+  brush.closePath();
+  Object.assign(brush, { strokeStyle: ink("paper"), lineWidth: 2 }); // seen on obstacles, too
+  brush.stroke();
   brush.fill();
 }
 

@@ -168,12 +168,17 @@ class Player {
 
   drawPerson(brush, { track, x, y }, row) {
     const radius = Math.max(4, 0.22 * this.scale), picked = track === this.picked;
-    brush.fillStyle = ink(picked ? "accent" : "person");
+    brush.fillStyle = ink(picked ? "paper" : "person");
     brush.globalAlpha = row === undefined && !picked ? 0.45 : 1;
     this.dot(brush, x, y, radius);
     brush.globalAlpha = 1;
     if (!picked) return;
-    brush.font = "600 12px system-ui, sans-serif";
+    // A ring: colours belong to methods. The number stays legible on paths and obstacles.
+    Object.assign(brush, { strokeStyle: ink("ink"), lineWidth: 3 });
+    brush.stroke();
+    Object.assign(brush, { font: "600 13px system-ui, sans-serif", strokeStyle: ink("paper"), lineWidth: 4, lineJoin: "round" });
+    brush.strokeText(String(track), this.x(x) + radius + 4, this.y(y) - radius);
+    brush.fillStyle = ink("ink");
     brush.fillText(String(track), this.x(x) + radius + 4, this.y(y) - radius);
     if (row !== undefined) this.drawReach(brush, x, y, this.replay.heading(row));
   }
@@ -184,8 +189,7 @@ class Player {
     brush.save();
     brush.translate(this.x(x), this.y(y));
     brush.rotate(-heading);
-    brush.strokeStyle = ink("accent");
-    brush.globalAlpha = 0.5;
+    Object.assign(brush, { strokeStyle: ink("way"), lineWidth: 1.5 });
     brush.strokeRect(-half * this.scale, -half * this.scale, 2 * half * this.scale, 2 * half * this.scale);
     brush.restore();
   }
@@ -228,8 +232,8 @@ class Player {
 
   showPerson(row, here) {
     const { who, about, errors, grid, angular } = this.parts;
-    who.textContent = this.picked === null ? "No person is picked" : `Person ${this.picked}`;
-    about.textContent = this.picked === null ? "Pick a person in the plan."
+    who.textContent = this.picked === null ? "No person is selected" : `Person ${this.picked}`;
+    about.textContent = this.picked === null ? "Select a person in the plan."
       : row !== undefined ? `walks at ${this.replay.speed(row).toFixed(2)} m/s`
       : here ? "has no evaluation window now: its past or future is too short." : "is not in the scene now.";
     errors.replaceChildren(...(row === undefined ? [] : this.replay.header.methods.map((name) => this.errorRow(name, row))));

@@ -97,6 +97,7 @@ def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, m
         "step_s": windows.dt_s,
         "steps": steps,
         "gap_s": round(LONGEST_GAP * scene.detection_dt_s, 3),
+        "hold_s": round(LONGEST_GAP * max(scene.detection_dt_s, _forecast_dt_s(windows)), 3),
         "size_m": [round(right - left, 3), round(top - bottom, 3)],
         "map_cells": ground.occupied.shape,
         "map_cell_m": ground.resolution_m,
@@ -109,6 +110,12 @@ def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, m
         "drawn": methods.main.key,
     }
     return Replay(header, pack(data))
+
+
+def _forecast_dt_s(windows: EvaluationWindows) -> float:
+    """Usual time between two instants with forecasts, s; longer than between detections behind a sensor."""
+    between = np.diff(np.unique(windows.time_s))
+    return float(np.quantile(between, 0.25)) if len(between) else 0.0
 
 
 def pack(data: dict[str, Any]) -> str:

@@ -96,7 +96,7 @@ class Replay {
   // Rows of the forecasts that hold at a time, by track: none of an instant long gone.
   rowsAt(time) {
     const frame = this.frames[this.frameAt(time)], rows = new Map();
-    if (!frame || time - frame.value / 100 > this.header.gap_s) return rows;
+    if (!frame || time - frame.value / 100 > this.header.hold_s) return rows;
     for (const row of frame.rows) rows.set(this.rows.track[row], row);
     return rows;
   }
