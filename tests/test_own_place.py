@@ -18,6 +18,7 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from pedpred import config
+from pedpred.errors import StorageError
 from pedpred.files import write_json
 from pedpred.models.registry import parse_settings
 from pedpred.ros import read_recording
@@ -193,6 +194,16 @@ def test_it_flows_from_tracks_to_the_page(crossing, monkeypatch):
     report(project)
     assert "crossing" in Path("reports/real.md").read_text().lower()
     assert json.loads(Path("reports/ade/real.json").read_text())["crossing"]
+
+
+def test_figures_stay_while_nothing_is_evaluated(project):
+    for stage, folder, arguments in (
+        ("gather", f"data/scores/baselines/{project['comparison']['reference']}", {"name": "real"}),
+        ("gather_literature", f"data/literature/{next(iter(project['literature']['folds']))}", {}),
+    ):
+        with pytest.raises(StorageError, match=f"^{folder}, scores: there are none"):
+            run(stage, project, **arguments)
+    assert not Path("reports/metrics").exists()
 
 
 def missing(project, place):
