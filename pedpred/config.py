@@ -273,6 +273,7 @@ def composed(conf: Path, overrides: list[str]) -> str:
     Raises:
         ConfigError: conf/ or an override names a key or an option that does not exist.
     """
+    check_arguments(conf, overrides)
     with (
         translate_errors(partial(ConfigError, " ".join(overrides) or "config", str(conf))),
         hydra.initialize_config_dir(str(conf.resolve()), version_base="1.3"),

@@ -292,6 +292,11 @@ def test_an_unknown_key_or_option_is_named_without_a_traceback(look, compose, ov
         assert override.split("=")[-1] in said or "pace" in said
 
 
+def test_a_key_that_conf_does_not_have_is_not_written(project, compose):
+    assert "'trainings.rate' = '1'" in compose("+trainings.rate=1")
+    assert (project / "params.yaml").read_text() == PARAMS_YAML
+
+
 def test_composing_twice_gives_the_same_bytes_and_the_check_agrees(project, compose):
     assert compose() == ""
     first = (project / "params.yaml").read_bytes()
