@@ -129,7 +129,7 @@ def check_arguments(conf: Path, overrides: list[str]) -> None:
 
 
 def _about_key(error: OmegaConfBaseException, address: str | None) -> ConfigError:
-    """The error of a key of the configuration; of one that nobody gives it names those that there are."""
+    """Word an error of a configuration key; for one that is missing, name its neighbours or the remedy."""
     key = str(error.full_key)
     if not isinstance(error, ConfigAttributeError | ConfigKeyError):
         remedy = str(error)
