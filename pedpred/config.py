@@ -96,12 +96,21 @@ def config_errors(address: str | None = None) -> Iterator[None]:
         except OmegaConfBaseException as error:
             raise _about_key(error, address) from error
         except FileError as error:
-            remedy = ". `dvc repro` writes it again" if error.path.parts[:1] in WRITTEN else ""
-            raise SystemExit(f"{type(error).__name__}: {error}{remedy}") from error
+            raise SystemExit(f"{type(error).__name__}: {error}{_remedy(error.path)}") from error
+        except FileNotFoundError as error:
+            if error.filename is None:
+                raise
+            there = f"{error.filename}: there is no such file or folder"
+            raise SystemExit(there + _remedy(Path(str(error.filename)))) from error
+
+
+def _remedy(path: Path) -> str:
+    """What to do about a file that a stage has written."""
+    return ". `dvc repro` writes it again" if path.parts[:1] in WRITTEN else ""
 
 
 def check_arguments(conf: Path, overrides: list[str]) -> None:
-    """Refuse a misspelt `+argument=`, which Hydra adds to the configuration, where nobody reads it.
+    """Refuse a misspelt `+argument=` or `+key.of.conf=`, which Hydra adds where nobody reads it.
 
     Args:
         conf: folder of the configuration.
@@ -110,13 +119,17 @@ def check_arguments(conf: Path, overrides: list[str]) -> None:
     Raises:
         ConfigError: it is no argument of a stage, and nothing in conf/.
     """
-    for name, value in re.findall(r"^\+(\w+)=(.*)", "\n".join(overrides), re.MULTILINE):
-        if name not in ARGUMENTS and not (conf / name).exists():
-            raise ConfigError(name, value, f"no stage has this argument; there are {', '.join(ARGUMENTS)}")
+    added = r"^\+{1,2}((\w+)[.\w]*)=(.*)"
+    for key, group, value in re.findall(added, "\n".join(overrides), re.MULTILINE):
+        if key not in ARGUMENTS and not (conf / group).exists():
+            rule = (
+                f"no stage has this argument and conf/ has no such key; arguments are {', '.join(ARGUMENTS)}"
+            )
+            raise ConfigError(key, value, rule)
 
 
 def _about_key(error: OmegaConfBaseException, address: str | None) -> ConfigError:
-    """The error of a key of the configuration; of one that nobody gives it names those that there are."""
+    """Word an error of a configuration key; for one that is missing, name its neighbours or the remedy."""
     key = str(error.full_key)
     if not isinstance(error, ConfigAttributeError | ConfigKeyError):
         remedy = str(error)
@@ -260,6 +273,7 @@ def composed(conf: Path, overrides: list[str]) -> str:
     Raises:
         ConfigError: conf/ or an override names a key or an option that does not exist.
     """
+    check_arguments(conf, overrides)
     with (
         translate_errors(partial(ConfigError, " ".join(overrides) or "config", str(conf))),
         hydra.initialize_config_dir(str(conf.resolve()), version_base="1.3"),

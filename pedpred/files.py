@@ -93,6 +93,8 @@ def translate_errors(wording: Wording) -> Iterator[None]:
 def _problem(cause: Exception) -> str:
     if isinstance(cause, KeyError):
         return f"{cause} is missing"
+    if isinstance(cause, FileNotFoundError):
+        return f"there is no such file or folder{f': {cause.filename}' if cause.filename else ''}"
     return str(cause) if isinstance(cause, PedpredError) else f"{type(cause).__name__}: {cause}"
 
 

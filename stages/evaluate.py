@@ -18,8 +18,8 @@ def main(cfg: DictConfig) -> None:
 
     `networks` is `main`, for the sets of all folds that train nothing, or `folds/<fold>`.
     """
-    name, rows = stage_key(cfg), {key: row for group in cfg.methods.values() for key, row in group.items()}
-    where = one_of("name", name, rows).where
+    name, groups = stage_key(cfg), [rows for group, rows in cfg.methods.items() if group != "baselines"]
+    where = one_of("name", name, {key: row for rows in groups for key, row in rows.items()}).where
     untrained = [each for study in cfg.folds.values() for each in study.values() if "train" not in each]
     real = cfg.folds.real if "real" in cfg.folds else {}
     tested = {"main": untrained} | {f"folds/{key}": [fold] for key, fold in real.items()}

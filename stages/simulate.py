@@ -9,7 +9,7 @@ from typing import Any
 
 from omegaconf import DictConfig
 
-from pedpred.config import configured, plain, row, stage, stage_key
+from pedpred.config import configured, one_of, plain, row, stage, stage_key
 from pedpred.errors import ConfigError
 from pedpred.fields import parsed
 from pedpred.files import read_yaml
@@ -24,12 +24,12 @@ LAYOUTS = Path(__file__).resolve().parents[1] / "conf/layouts"
 
 
 def read_layouts(names: Iterable[str]) -> dict[str, Any]:
-    """Read drawn rooms as they are written, by name; names without a file are left out."""
-    files = {name: LAYOUTS / f"{name}.yaml" for name in names}
+    """Read drawn rooms as they are written, by name; a `ConfigError` if there is no such room."""
+    files = {file.stem: file for file in sorted(LAYOUTS.glob("*.yaml"))}
+    chosen = {name: one_of("layouts", name, files) for name in names}
     return {
         name: read_yaml(file, partial(ConfigError, f"layouts.{name}", str(file)))
-        for name, file in files.items()
-        if file.exists()
+        for name, file in chosen.items()
     }
 
 

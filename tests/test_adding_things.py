@@ -1,4 +1,4 @@
-"""A network and its input, a metric, source, place, method and fold, added to a copy of the project."""
+"""A network, inputs, a metric, source, place, method, fold and world, added to a copy of the project."""
 
 import hashlib
 import inspect
@@ -11,6 +11,7 @@ import pytest
 
 from pedpred import config
 from pedpred.evaluation.forecasts import read_windows
+from pedpred.simulation.worlds import bottlenecks
 from pedpred.storage.checkpoints import read_checkpoint
 from pedpred.storage.scenes import read_scene
 from stages.config import write_shared
@@ -25,9 +26,24 @@ PLACE = {"source": "toy", "folder": "data/raw/toy", "settings": {"dt_s": 0.4}, "
 PLACE = next(iter(PARAMS["places"].values())) | PLACE
 FOLD = {"train": ["real/toy"], "test": ["real/toy"]}
 NETWORK = {"where": ["real"], "settings": {"architecture": "toy", "units": 6}}
-NAMES = {"input channel": "lstm"}  # the rest is called toy
 READS = {"settings": NETWORK["settings"] | {"channels_read": ["state", "crowd"]}}
+CROWD = "+methods.networks.lstm.settings.channels.crowd={projection: 4, lstm: 4}"
+CHECK = """
+import sys, yaml
+from pathlib import Path
+from pedpred.config import composed
+from stages.config import check_parts
+check_parts(yaml.safe_load(composed(Path("conf"), sys.argv[1:])))
+"""
 METHOD = {"where": ["real"], "settings": {"baseline": "kalman_cv"}}
+WORLD = {
+    "kind": "toy",
+    "input": "data/config.checked",
+    "worlds": 1,
+    "rows": 9,
+    "true_rows": 0,
+    "true_share": 0.0,
+}
 SHOWN = {"label": "Toy network", "colour": "#123456", "role": "network"}
 SMALL = [f"training.{p}.{k}" for p in ("corridor", "finetune") for k in ("steps=8", "validate_every=4")]
 SMALL += ["training.corridor.sets=[real/toy]"]
@@ -44,6 +60,7 @@ RUNS = [
     ("fetch", TOY),
     ("ingest", TOY),
     ("features", TOY | {"kind": "real"}),
+    ("situations", TOY | {"kind": "simulated"}),
     ("train", TOY | {"phase": "corridor", "out": "models/main/toy"}),
     ("train", TOY | {"phase": "finetune", "fold": "toy"}),
     *(("evaluate_baseline", {"name": name}) for name in ("cv", "kalman_cv", "again")),
@@ -112,6 +129,9 @@ def additions():
     """What to add -> file -> texts, each behind or instead of the line with a beginning ("": at the end)."""
     sums = [f"{hashlib.sha256(people().encode()).hexdigest()} people.txt"]
     mirror = {"folders": ["mirror"], "archives": [], "timeout_s": 1, "optional": [], "sha256sums": sums}
+    world = inspect.getsource(bottlenecks).replace("Bottleneck", "Toy").replace("bottleneck", "toy")
+    worlds = "from pedpred.simulation.worlds"
+    after, toy = f"{worlds}.squares", f"{worlds}.toy import ToySettings"
     entry = '    "overshoot_m": Metric("overshoot", "m", "lower", overshoot),'
     return {
         "network": {
@@ -121,7 +141,10 @@ def additions():
                 "ARCHITECTURES =": '    "toy": "pedpred.models.toy.ToySettings",',
             },
         },
-        "input channel": {
+        "input channel of the LSTM": {
+            "pedpred/models/contract.py": {
+                "CHANNELS = ": Instead('CHANNELS = ("state", "grid", "angular", "crowd")')
+            },
             "pedpred/models/lstm/features/__init__.py": FEATURES,
             "conf/methods/networks.yaml": {"toy:": Instead(f"toy: {json.dumps(NETWORK | READS)}")},
         },
@@ -142,6 +165,23 @@ def additions():
         },
         "place": {"conf/places/recorded.yaml": {"": f"toy: {json.dumps(PLACE)}"}},
         "method row": {"conf/methods/baselines.yaml": {"": f"again: {json.dumps(METHOD)}"}},
+        "kind of simulated world": {
+            "pedpred/simulation/worlds/toy.py": {"": world},
+            "pedpred/simulation/worlds/world.py": {
+                after: f"{toy}, set_up_toy",
+                "_SET_UP:": '    "toy": set_up_toy,',
+                "KINDS:": '    "toy": Kind(ToySettings, partial(_simulate_visitors, "toy")),',
+            },
+            "pedpred/simulation/worlds/settings.py": {
+                after: toy,
+                "    warm_up_s: float": "    toy: ToySettings = nested(ToySettings)",
+            },
+            "conf/worlds/varied.yaml": {"": f"toy: {json.dumps(PARAMS['worlds']['bottleneck'])}"},
+            "conf/sensing/varied.yaml": {
+                "views:": f"  toy: {json.dumps(PARAMS['sensing']['views']['bottleneck'])}"
+            },
+            "conf/situations/varied.yaml": {"simulated:": f"  toy: {json.dumps(WORLD)}"},
+        },
         "fold": {"conf/folds/leave_one_out.yaml": {"real:": f"  toy: {json.dumps(FOLD)}"}},
     }
 
@@ -202,7 +242,7 @@ def table_of_additions():
 @pytest.mark.parametrize("kind", additions())
 def test_the_table_of_what_to_add_counts_right(project, kind):
     files, stated, entries = table_of_additions()[kind]
-    named = {file.replace("<name>", NAMES.get(kind, "toy")) for file in (*files, *entries)}
+    named = {file.replace("<name>", "toy") for file in (*files, *entries)}
     assert (project[1][kind], stated) == (named, len(files))
 
 
@@ -213,10 +253,23 @@ def test_the_table_of_what_to_add_names_files_that_exist():
 
 
 @pytest.mark.parametrize(
-    "kind", ["fetch", "ingest", "features_real", "encode_real", "train_main", "evaluate_main"]
+    "kind",
+    [
+        *("fetch", "ingest", "features_real", "encode_real", "situations_simulated"),
+        *("train_main", "evaluate_main"),
+    ],
 )
 def test_an_addition_has_its_stages(project, kind):
     assert config.declared(project[0], f"{kind}@toy", []) is not None
+
+
+def test_a_new_channel_may_be_read_by_the_recurrent_network(project):
+    run(project[0], sys.executable, "-c", CHECK, CROWD, "~folds.real.toy")
+
+
+def test_a_new_kind_of_world_is_simulated(reproduced):
+    shards = [path.stem for path in (reproduced[0] / "data/situations/simulated/toy").glob("*.parquet")]
+    assert shards == ["toy_000"]
 
 
 def test_a_new_network_is_trained_and_evaluated_with_all_its_modes(reproduced):

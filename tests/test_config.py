@@ -249,6 +249,20 @@ def test_a_misspelt_argument_of_a_stage_by_hand_is_refused(project, look):
     assert not (project / "seen.txt").exists()
 
 
+@pytest.mark.parametrize("added", ["++Out=1", "+trainings.rate=1", "++name.of=1"])
+def test_what_is_added_by_hand_where_nobody_reads_it_is_refused(project, look, added):
+    key = added.lstrip("+").partition("=")[0]
+    assert f"configuration key '{key}' = '1': no stage has this argument" in look("+name=eth", added)
+    assert not (project / "seen.txt").exists()
+
+
+@pytest.mark.parametrize(("folder", "remedy"), [("data/none", ". `dvc repro` writes it again"), ("none", "")])
+def test_a_folder_that_a_stage_misses_is_named_with_the_remedy(folder, remedy):
+    with pytest.raises(SystemExit) as ended, config.config_errors():
+        os.listdir(folder)
+    assert ended.value.code == f"{folder}: there is no such file or folder{remedy}"
+
+
 def test_arguments_of_stages_are_those_that_their_commands_have():
     given = set(re.findall(r" \+(\w+)=", (ROOT / "dvc.yaml").read_text()))
     assert given <= set(config.ARGUMENTS) <= given | set(config.OUTPUTS)
@@ -276,6 +290,11 @@ def test_an_unknown_key_or_option_is_named_without_a_traceback(look, compose, ov
     assert "Traceback" not in by_hand
     for said in (by_hand, compose(override)):
         assert override.split("=")[-1] in said or "pace" in said
+
+
+def test_a_key_that_conf_does_not_have_is_not_written(project, compose):
+    assert "'trainings.rate' = '1'" in compose("+trainings.rate=1")
+    assert (project / "params.yaml").read_text() == PARAMS_YAML
 
 
 def test_composing_twice_gives_the_same_bytes_and_the_check_agrees(project, compose):

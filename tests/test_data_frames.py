@@ -190,7 +190,7 @@ def test_heights_in_place_of_positions_are_refused():
             "size is unknown. Bring them to metres first",
         ),
         ({"z": WALKS.x, "y": 1.7}, r"table.columns = \['time', 'id', 'x', 'height', 'y'\]"),
-        ({"x": None}, r"Found were time \| id \| y$"),
+        ({"x": None}, r"There are time \| id \| y$"),
         ({"x": 1e12 + WALKS.x}, "at most 1e\\+08 from 0.*Correct these values"),
         ({"x": "", "y": ""}, "no detections.*Give a table with tracks"),
         ({"time": 0.0, "id": [1] * 8 + [2] * 8}, "make a table for each|Write times with more decimals"),

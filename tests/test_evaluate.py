@@ -341,7 +341,7 @@ def test_predictions_of_trajnet_are_measured(walk, tmp_path, mixture):
     ("text", "message"),
     [
         ("", "no column track"),
-        ("track,time,x,y\n", "no column mode; found were track, time, x, y"),
+        ("track,time,x,y\n", "no column mode; there are track, time, x, y"),
         (straight_lines(0, 0.3), "no forecasts"),
         (straight_lines(5, 0.3), "reach 1.5 s ahead, and windows need 3 s"),
         (straight_lines(12, 0.3).replace("1,2.0", "8,2.0"), "no forecast belongs to a window of walk"),

@@ -13,7 +13,7 @@ from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, score, summarise_methods
 from pedpred.evaluation.compare import compare
 from pedpred.evaluation.scores import integrate_truth
-from pedpred.evaluation.summary import TrackBootstrap
+from pedpred.evaluation.summary import TrackBootstrap, summarise_test_set
 from pedpred.features import ForecastProtocol, extract_at_detections
 from pedpred.metrics import METRICS, Metric
 from pedpred.metrics.paths import displacement, too_close
@@ -62,6 +62,26 @@ def test_summary_of_parts_pools_to_the_whole(seed):
     assert total["moving_ade_m_minus_reference_ci95"] == [0, 0]
     assert np.mean(total["per_step_m"]) == pytest.approx((a.error_m.sum() + b.error_m.sum()) / 500, abs=1e-5)
     assert np.mean(total["per_step_nll"]) == pytest.approx((a.nll.sum() + b.nll.sum()) / 500, abs=1e-5)
+
+
+def test_only_what_was_measured_alike_is_pooled_or_compared():
+    def measured(metric, windows=4, track=0):
+        steps = np.ones((windows, 2))
+        return Scores(np.full(windows, track), {metric: np.ones(windows)}, steps, steps, steps)
+
+    usual, settings = measured("ade_m"), EvaluationSettings(bootstrap=1)
+    apart = r"\['ade_m', 'spread_m'\], but .* evaluate all of them again"
+    with pytest.raises(ValueRuleError, match=f"^metrics = {apart}"):
+        pool_scores([usual, measured("spread_m")])
+    with pytest.raises(ValueRuleError, match=f"^metrics of other = {apart}"):
+        summarise_methods({"usual": usual, "other": measured("spread_m")}, "usual", settings)
+    with pytest.raises(ValueRuleError, match=r"^methods at b = \['other'\]"):
+        summarise_test_set(
+            "t", {"a": {"usual": usual, "other": usual}, "b": {"usual": usual}}, "usual", settings
+        )
+    for other in (measured("ade_m", windows=3), measured("ade_m", track=1)):
+        with pytest.raises(ValueRuleError, match=r"^windows of other = .* evaluate both again"):
+            summarise_methods({"usual": usual, "other": other}, "usual", settings)
 
 
 def test_bootstrap_resamples_tracks_not_windows():

@@ -1,5 +1,6 @@
 """An input that is not there is said to be not there: nothing is said of its content."""
 
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -7,7 +8,8 @@ import pytest
 
 import pedpred
 from pedpred.command.maps import map_at
-from pedpred.errors import FileError
+from pedpred.errors import FileError, StorageError
+from pedpred.files import translate_errors
 from pedpred.online.shipped import default_model
 from pedpred.ros import read_bag, read_recording
 
@@ -37,6 +39,12 @@ def test_what_is_not_there_is_said_to_be_not_there(read, tmp_path):
             read(tmp_path / place)
         assert str(tmp_path / place) in str(refused.value)
         assert str(refused.value).endswith("Correct the name")
+
+
+def test_a_file_that_a_reader_misses_is_said_to_be_missing(tmp_path):
+    said = rf"scene: there is no such file or folder: {tmp_path}/none$"
+    with pytest.raises(FileError, match=said), translate_errors(partial(StorageError, tmp_path, "scene")):
+        (tmp_path / "none").read_bytes()
 
 
 def test_a_folder_is_no_file_and_a_file_no_folder(tmp_path):

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
+from pedpred.errors import ConfigError
 from pedpred.fields import parsed
 from pedpred.simulation.clutter import ClutterSettings, draw_cluttered_room
 from pedpred.simulation.ground import ground_of, signed_distance
@@ -138,6 +139,11 @@ def test_a_layout_of_ones_own_is_a_file_and_a_command(tmp_path, monkeypatch):
     assert len(scene.trajectories) == 20 * 20
     assert scene.occupancy.is_occupied([[6.0, 1.0], [2.5, 6.0], [13.8, 8.8]]).all()
     assert not scene.occupancy.is_occupied([6.0, 3.0])
+
+
+def test_a_room_that_nobody_has_drawn_is_refused_with_those_that_there_are():
+    with pytest.raises(ConfigError, match=r"'layouts' = 'kichen': choose one of .*corridor, crossing"):
+        simulate.read_layouts(["kichen"])
 
 
 def test_arrangements_share_the_hours():

@@ -3,6 +3,8 @@
 import copy
 import importlib
 import json
+import re
+import shlex
 import shutil
 from functools import cache
 from pathlib import Path
@@ -18,6 +20,7 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from pedpred import config
+from pedpred.errors import StorageError
 from pedpred.files import write_json
 from pedpred.models.registry import parse_settings
 from pedpred.ros import read_recording
@@ -193,6 +196,27 @@ def test_it_flows_from_tracks_to_the_page(crossing, monkeypatch):
     report(project)
     assert "crossing" in Path("reports/real.md").read_text().lower()
     assert json.loads(Path("reports/ade/real.json").read_text())["crossing"]
+
+
+def test_simple_methods_are_tested_there_alone_as_the_page_says(project):
+    section = (ROOT / "docs/places.md").read_text().partition("there alone")[2]
+    fold, commands = (part.partition("```")[0] for part in re.split("```(?:yaml|sh)\n", section)[1:3])
+    Path("conf/folds/crossing.yaml").write_text(fold)
+    for line in commands.splitlines():
+        _, _, stage, *overrides = shlex.split(line, comments=True)
+        run(stage.removeprefix("stages."), yaml.safe_load(config.composed(Path("conf"), overrides)))
+    figures = json.loads(Path("build/crossing/metrics/real.json").read_text())
+    assert set(figures["crossing"]) == {"kalman_cv", "cv"} <= project["methods"]["baselines"].keys()
+
+
+def test_figures_stay_while_nothing_is_evaluated(project):
+    for stage, folder, arguments in (
+        ("gather", f"data/scores/baselines/{project['comparison']['reference']}", {"name": "real"}),
+        ("gather_literature", f"data/literature/{next(iter(project['literature']['folds']))}", {}),
+    ):
+        with pytest.raises(StorageError, match=f"^{folder}, scores: there are none"):
+            run(stage, project, **arguments)
+    assert not Path("reports/metrics").exists()
 
 
 def missing(project, place):

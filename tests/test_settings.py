@@ -305,6 +305,11 @@ STAGES = [
             "'no': choose one of main, folds/without_eth",
         ),
         (
+            evaluate,
+            {"name": "cv", "networks": "main"},
+            "'cv': choose one of lstm_nogrid, lstm, .*mixture$",
+        ),
+        (
             train,
             {"name": "cv", "phase": "main"},
             "'cv': choose one of lstm_nogrid, lstm, .*mixture$",

@@ -100,10 +100,10 @@ def test_a_row_with_a_value_too_many_or_too_few_is_named(write, row, many, separ
     ("content", "named"),
     [
         ("", "no detections, the file is empty"),
-        ("time,id,x\n0,1,2\n", "no column for y_m, .* y, y_m, pos_y.* Found were time | id | x;"),
+        ("time,id,x\n0,1,2\n", r"no column for y_m, .* y, y_m, pos_y.* There are time \| id \| x;"),
         (
             "when~who~x~y\n0~1~2~3\n",
-            "no column for time_s.* t, time, .* Found were when~who~x~y.*semicolons, tabs",
+            "no column for time_s.* t, time, .* There are when~who~x~y.*semicolons, tabs, . or blanks",
         ),
         ("time,t,id,x,y\n0,0,1,2,3\n", "columns time and t are both time_s"),
         ("0,1,2,3\n", "line 1: no header, the first line is '0,1,2,3'.*--columns time,id,x,y"),

@@ -144,5 +144,5 @@ def _read_words(path: Path, name: str) -> pa.DictionaryArray | None:
 
 def _check_columns(path: Path, titles: list[str]) -> None:
     if missing := [name for name in COLUMNS if name not in titles]:
-        problem = f"no column {missing[0]}; found were {', '.join(titles)[:200]}"
+        problem = f"no column {missing[0]}; there are {', '.join(titles)[:200]}"
         raise SourceError(path, 1, problem, f"The header is {','.join(COLUMNS)}")

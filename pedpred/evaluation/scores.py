@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -195,10 +195,25 @@ def join_scores(parts: Sequence[Scores], row: np.ndarray) -> Scores:
     return Scores(track, values, error_m, inside, nll)
 
 
+def check_alike(field: str, names: Collection[str], others: Collection[str]) -> None:
+    """Check that results which are pooled or compared are of the same methods or metrics.
+
+    Raises:
+        ValueRuleError: they are not; it names those that only one of them has.
+    """
+    if apart := sorted(set(names) ^ set(others)):
+        raise ValueRuleError(field, apart, "only some of the scores have them; evaluate all of them again")
+
+
 def pool_scores(scores: Sequence[Scores]) -> Scores:
-    """Pool several scenes; tracks of different scenes stay different."""
+    """Pool several scenes; tracks of different scenes stay different.
+
+    Raises:
+        ValueRuleError: they were measured with different metrics.
+    """
     track, offset = [], 0
     for part in scores:
+        check_alike("metrics", part.values, scores[0].values)
         _, number = np.unique(part.track, return_inverse=True)
         track.append(number + offset)
         offset += number.max(initial=-1) + 1

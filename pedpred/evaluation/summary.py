@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.evaluation.scores import Resampling, Scores, pool_scores
+from pedpred.errors import ValueRuleError
+from pedpred.evaluation.scores import Resampling, Scores, check_alike, pool_scores
 from pedpred.metrics.calibration import REGIONS, coverage
 
 _DIGITS = 5
@@ -74,8 +75,13 @@ def summarise_test_set(
         scores: scene name -> method -> scores.
         reference: the method that differences are taken to.
         settings: of the bootstrap.
+
+    Raises:
+        ValueRuleError: scenes have scores of different methods, or these cannot be compared.
     """
     methods = next(iter(scores.values()))
+    for name, of_methods in scores.items():
+        check_alike(f"methods at {name}", of_methods, methods)
     pools = {test: {m: pool_scores([s[m] for s in scores.values()]) for m in methods}}
     if len(scores) > 1:
         pools |= {f"{test}_{name}": dict(of_methods) for name, of_methods in scores.items()}
@@ -89,7 +95,15 @@ def summarise_methods(pool: Mapping[str, Scores], reference: str, settings: Resa
         pool: method -> scores.
         reference: the method that differences are taken to.
         settings: of the bootstrap; all figures share one draw.
+
+    Raises:
+        ValueRuleError: methods were measured with different metrics, or in different windows.
     """
+    for method, scores in pool.items():
+        check_alike(f"metrics of {method}", scores.values, pool[reference].values)
+        if not np.array_equal(scores.track, pool[reference].track):
+            rule = f"the windows of {reference} are {len(pool[reference].track)} others; evaluate both again"
+            raise ValueRuleError(f"windows of {method}", len(scores.track), rule)
     rng = np.random.default_rng(settings.seed)
     resampling = TrackBootstrap.draw(pool[reference].track, settings.bootstrap, rng)
     return {method: _summary(scores, pool[reference], resampling) for method, scores in pool.items()}

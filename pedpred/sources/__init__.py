@@ -1,8 +1,9 @@
 """Readers of recordings of real places, one module per format.
 
 A reader takes the folder of one recording, the name of the scene and the `settings` of its row in
-conf/places, and returns a `Scene`. To add a format, write its module and add its line here; files to be
-downloaded are listed in conf/mirrors.
+conf/places, and returns a `Scene`. To add a format, write its module and add its line to `SOURCES`,
+and one to `SETTINGS` if rows are to be checked before anything is read. Files to be downloaded are listed
+in conf/mirrors.
 """
 
 from collections.abc import Callable, Mapping

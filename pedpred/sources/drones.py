@@ -72,5 +72,5 @@ def _opened(path: Path, needed: Sequence[str]) -> tuple[Sequence[str], Iterator[
     rows = ((line, next(csv.reader([text]), [])) for line, text in text_lines(path))
     _, titles = next(rows, (1, []))
     if missing := [title for title in needed if title not in titles]:
-        raise SourceError(path, 1, f"no column {missing[0]}; found were {', '.join(titles)[:200]}")
+        raise SourceError(path, 1, f"no column {missing[0]}; there are {', '.join(titles)[:200]}")
     return titles, checked_rows(path, rows, titles)

@@ -56,7 +56,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
     _, header = next(rows, (1, []))
     titles = [_PROCESSOR.sub("", title) for title in header]
     if missing := [title for title in _WANTED if titles.count(title) != 1]:
-        problem = f"{titles.count(missing[0])} columns {missing[0]}; found were {', '.join(header)[:200]}"
+        problem = f"{titles.count(missing[0])} columns {missing[0]}; there are {', '.join(header)[:200]}"
         raise SourceError(path, None, problem, "Write them with the FootStepProcessor")
     columns = read_numbers(path, rows, titles, _WANTED)
     if not len(columns["line"]):

@@ -46,7 +46,7 @@ def read(path: Path, options: TableOptions) -> Trajectories:
         raise SourceError(path, None, problem, "Record pedestrians, not vehicles, with titles in English")
     recorded = header.removeprefix(_HEADER).split(";")
     if missing := [title for title in _TITLES if title not in recorded]:
-        problem = f"the attribute {missing[0]} was not recorded; found were {'; '.join(recorded)[:200]}"
+        problem = f"the attribute {missing[0]} was not recorded; there are {'; '.join(recorded)[:200]}"
         raise SourceError(path, None, problem, f"Record {', '.join(_TITLES)}")
     titles = [_TITLES.get(title, f"${title}") for title in recorded]  # no other title can be mistaken
     apart = [at for at, title in enumerate(recorded) if title.partition("\\")[0] in _APART]

@@ -364,7 +364,6 @@ def _missing(name: str, titles: Sequence[str]) -> str:
     rule = f"no column for {name}, which may be called {aliases}"
     listed = " | ".join(titles)[:200]
     if name in LENGTHS and (degrees := [title for title in titles if _DEGREES & set(_words(title))]):
-        return f"{rule}. {degrees[0]} is in degrees: project positions to metres first. Found were {listed}"
-    return f"{rule}. Found were {listed}" + worded(
-        "; expected commas, semicolons, tabs or blanks between them", ""
-    )
+        return f"{rule}. {degrees[0]} is in degrees: project positions to metres first. There are {listed}"
+    separators = worded("; commas, semicolons, tabs, | or blanks separate columns", "")
+    return f"{rule}. There are {listed}{separators}"
