@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import re
 import subprocess
 import sys
 from itertools import combinations
@@ -158,6 +159,16 @@ def test_an_ablation_that_does_not_exist_is_named_beside_those_that_do():
     known = r"\['layouts', 'mixture', 'mixture_modes', 'pretraining', 'reach', 'seeds'\]"
     with pytest.raises(ValueRuleError, match=f"ablation = 'magic', but known ablations are {known}"):
         read_ablation(ABLATIONS[0].with_stem("magic"))
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [("titel: x", "titel = 'x', but there is no such field"), ("columns: {a: {b: 1}}", "columns.a.b = 1")],
+)
+def test_an_unknown_key_of_an_ablation_is_named(tmp_path, line, said):
+    (file := tmp_path / "reach.yaml").write_text(f"{ABLATIONS[0].read_text()}\n{line}\n")
+    with pytest.raises(FileError, match=re.escape(said)):
+        read_ablation(file)
 
 
 def test_a_point_that_does_not_exist_is_named_beside_those_that_do(monkeypatch):

@@ -13,6 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pedpred.errors import FileError, ValueRuleError
+from pedpred.fields import parsed, parsed_each
 from pedpred.files import read_yaml, translate_errors
 from pedpred.plain import parse_json
 from pedpred.report.canvas import blank, styled
@@ -76,8 +77,9 @@ def read_ablation(path: Path) -> Ablation:
     plain = read_yaml(path, wording)
     with translate_errors(wording):
         points = {str(name): overrides for name, overrides in plain.pop("points").items()}
-        columns = {title: Column(**column) for title, column in plain.pop("columns", {}).items()}
-        return Ablation(**plain, points=points, columns=columns)
+        columns = parsed_each(Column, plain.pop("columns", {}), "columns")
+        ablation: Ablation = parsed(Ablation, plain | {"points": points, "columns": columns})
+        return ablation
 
 
 def ablation_sections(asked: Path, results: Path, methods: Methods) -> list[Section]:
