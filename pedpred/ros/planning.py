@@ -29,8 +29,8 @@ _DEVIATIONS, _MARGIN = 4.0, 1.5
 """A person's rectangle ends so many standard deviations and cells beyond the paths."""
 _NO_CELL = 1e-6
 """Share of a cell that is no cell."""
-_MOST_OF_ONE = 20_000
-"""Squares in which one person is expected at one step; where there would be more, they are larger."""
+_MOST_OF_ONE, _MOST_OF_ALL = 20_000, 2_000_000
+"""Squares in which one person is expected at a step, and all are; where there would be more, they grow."""
 
 _COLUMNS = {
     "x": "<f4",
@@ -183,7 +183,8 @@ def _larger(predictions: Predictions, ground: OccupancyMap) -> np.ndarray:
     """How many times larger squares are, few of which hold a person's forecast of one step. [N] int."""
     ends = _ends(predictions, ground.resolution_m)
     reach = np.diff(np.clip((ends - ground.origin) / ground.resolution_m, 0, ground.occupied.shape), axis=0)
-    times = np.sqrt(reach.prod(axis=-1)[0] / _MOST_OF_ONE)
+    most = min(_MOST_OF_ONE, _MOST_OF_ALL / max(len(predictions), 1))
+    times = np.sqrt(reach.prod(axis=-1)[0] / most)
     return 2 ** np.ceil(np.log2(np.maximum(np.nan_to_num(times), 1.0))).astype(np.int64)
 
 
