@@ -28,6 +28,7 @@ from pedpred.ros2.events import no_callbacks
 from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
 from pedpred.ros2.log import RosHandler, guarded
 from pedpred.ros2.outputs import PEOPLE, PREDICTIONS, Answer, output_types
+from pedpred.ros2.rehearsal import rehearse
 from pedpred.ros2.settings import LIVE, NodeSettings, fields_of, unchangeable
 
 _PEOPLE_DEPTH, _TF_DEPTH, _UPDATES_DEPTH, _PREDICTIONS_DEPTH = 50, 100, 50, 10
@@ -120,6 +121,7 @@ class PedpredNode(LifecycleNode):
         warm_up(settings.folder)
         warm_up_turning()
         predictor = OnlinePredictor.load(settings.folder, settings.online())
+        rehearse(predictor, settings)
         if settings.place is not None:
             check_output(settings.place)
         self._steps = predictor.protocol.horizon_steps
