@@ -341,6 +341,15 @@ def test_diagnostics_say_that_nobody_is_of_a_wanted_class():
         assert (found, "class_ids" in text) == (level, bool(level))
 
 
+def test_diagnostics_say_that_a_simulated_clock_stands_and_not_that_stamps_are_wrong():
+    """Then nothing says that people have gone."""
+    follower = follower_of()
+    follower.people_came(people(50.0, anna=(0.0, 0.0)), 0, 0.0)
+    list(follower.answers(0.0))
+    level, text = diagnose(follower, 0.0, 1, Counts(), clock_ns=0)
+    assert (level, "nobody publishes /clock" in text, "ago" in text) == (1, True, False)
+
+
 _FIRST_MESSAGE = """
 import time
 from pedpred import OnlinePredictor, warm_up
