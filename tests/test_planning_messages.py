@@ -91,6 +91,29 @@ def test_grids_are_stamped_with_the_time_that_they_are_about():
         np.testing.assert_allclose(cells, 100 * expected[step], atol=0.51)
 
 
+@pytest.mark.parametrize("spread_m", [0.05, 1.0, 3.0, 7.0, 40.0])
+def test_somebody_who_may_be_nearly_anywhere_takes_no_longer_than_others(spread_m, monkeypatch):
+    """As who was seen once, beside somebody who is known: few cells are computed, and grids are the same."""
+    path = np.array([[[[0.3, 0.4]]], [[[-2.0, 1.0]]]])
+    spread = np.eye(2) * np.array([spread_m, 0.1])[:, None, None, None, None] ** 2
+    both = Predictions(path[:, 0], path, np.ones((2, 1)), 0.3, spread)
+    ground = OccupancyMap(np.zeros((800, 900), bool), np.array([-30.0, -50.0]), 0.1)
+    expected, asked = 100 * predicted_occupancy(both, ground)[0], []
+
+    def noted(people, cells):
+        reach_m = 4 * np.sqrt(people.covariance[:, 0, 0, 0, 0, None])
+        low, high = people.path[:, 0, 0] - reach_m, people.path[:, 0, 0] + reach_m
+        inside = np.minimum(high, cells.origin + cells.extent_m) - np.maximum(low, cells.origin)
+        asked.extend((inside / cells.resolution_m).prod(axis=1))
+        return predicted_occupancy(people, cells)
+
+    monkeypatch.setattr("pedpred.ros.planning.predicted_occupancy", noted)
+    content = grid_messages(both, ground, 0, "map")[grid_topic(1)]
+    np.testing.assert_allclose(np.reshape(content["data"], (900, 800)).T, expected, atol=1.01)
+    assert len(asked) == 2
+    assert max(asked) < 25_000
+
+
 def test_a_recording_carries_what_planners_read(tmp_path):
     scene = small_scene()
     windows, path = walking_on(scene), tmp_path / "x.mcap"

@@ -1,6 +1,8 @@
 """What the ROS node does between messages: bytes as they are on the wire in, contents of messages out."""
 
 import struct
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -337,6 +339,46 @@ def test_diagnostics_say_that_nobody_is_of_a_wanted_class():
         answered(follower, serialize(BOXES, {"header": stamp, "detections": [box]}))
         found, text = diagnose(follower, 0.0, 1, Counts())
         assert (found, "class_ids" in text) == (level, bool(level))
+
+
+def test_diagnostics_say_that_a_simulated_clock_stands_and_not_that_stamps_are_wrong():
+    """Then nothing says that people have gone."""
+    follower = follower_of()
+    follower.people_came(people(50.0, anna=(0.0, 0.0)), 0, 0.0)
+    list(follower.answers(0.0))
+    level, text = diagnose(follower, 0.0, 1, Counts(), clock_ns=0)
+    assert (level, "nobody publishes /clock" in text, "ago" in text) == (1, True, False)
+
+
+_FIRST_MESSAGE = """
+import time
+from pedpred import OnlinePredictor, warm_up
+from pedpred.ros.message_types import serialize
+from pedpred.ros2.follower import Follower
+from pedpred.ros2.rehearsal import rehearse
+from pedpred.ros2.settings import NodeSettings
+warm_up()
+settings = NodeSettings(use_map=False)
+predictor = OnlinePredictor.load(None, settings.online())
+begun_s = time.process_time()
+rehearse(predictor, settings)
+rehearsed_s = time.process_time() - begun_s
+people = serialize(settings.people_type, {"header": {"frame_id": "map"}, "people": [{"name": "7"}]})
+begun_s = time.process_time()
+follower = Follower(predictor, settings)
+follower.people_came(people, 10**9, 0.0)
+answers = [serialize(answer.kind, answer.content) for answer in follower.answers(0.0)]
+assert len(answers) == 3, len(answers)
+taken_s = time.process_time() - begun_s
+assert taken_s < rehearsed_s / 3, (taken_s, rehearsed_s)
+"""
+
+
+def test_the_first_people_do_not_wait_for_what_is_done_once():
+    """Types of messages are read and written for the first time before the node listens to people."""
+    command = [sys.executable, "-c", _FIRST_MESSAGE]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_nobody_is_an_answer_too(caplog):

@@ -307,6 +307,28 @@ def test_what_is_missing_between_frames_is_said_and_not_repeated(place):
     assert len(lines) <= 3
 
 
+def test_publishers_that_are_not_heard_are_told_of_and_a_clock_that_does_not_come(place):
+    """Transforms are best effort, fixed ones volatile; one of the map's two subscriptions hears it."""
+    deaf = [
+        ("/tf", TF, "bv"),
+        ("/tf_static", TF, "rv"),
+        ("/map", GRID, "bv"),
+        ("/map_updates", UPDATE_TYPE, "bv"),
+    ]
+    place.peer(publish=deaf, send=[], done="never")
+    publish = [("/people", PEOPLE_TYPE, "bv")]
+    send = [(k / 10, 0, people(100.0 + k / 10, ada=(0.0, 0.0))) for k in range(5)]
+    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
+    with place.node("-p", "use_sim_time:=true", "-p", "occupancy_cell_m:=0.1") as told:
+        until = {"/predictions": 5, "/diagnostics": 2}
+        heard = place.exchange(publish, (0, people(60.0)), send, record, until)
+        place.wait(lambda: told.read_text().count("offering incompatible QoS") > 2, "warnings", told)
+    lines = [line for line in told.read_text().splitlines() if "offering incompatible QoS" in line]
+    topics = {"/" + line.partition("topic '")[2].partition("'")[0].lstrip("/") for line in lines}
+    assert topics == {"/tf", "/tf_static", "/map_updates"}
+    assert "nobody publishes /clock" in heard["/diagnostics"][-1].status[0].message
+
+
 def test_no_message_ends_or_stalls_the_node(place):
     """Wrong ones on all topics, again and again, then people, who are forecast; errors are told at times."""
     crowd = people(50.0, **{str(k): (k % 100, k // 100) for k in range(5000)})
@@ -456,6 +478,14 @@ def test_a_node_that_still_compiles_ends_when_it_is_told_to(place):
         ),
         (("-p", "identities:=guessed"), "identities = 'guessed', but it must be one of"),
         (("-p", "use_map:=maybe"), "use_map = 'maybe', but it must be true or false"),
+        (
+            ("--params-file", "missing.yaml"),
+            "pedpred-ros2: failed to initialize rcl: Couldn't parse params file",
+        ),
+        (("-p", "occupancy_cell:=0.1", "-p", "use_map:=1"), "there is no parameter occupancy_cell: "),
+        (("-r", "people:=/predictions/people"), "'people' = '/predictions/people': this node has it for"),
+        (("-r", "people:=/map"), "'people' = '/map': this node has it for something else"),
+        (("-r", "people:=/parameter_events"), "not activated: Failed to create subscription"),
     ],
 )
 def test_a_start_that_cannot_succeed_says_why(place, arguments, problem):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,6 +29,8 @@ _DEVIATIONS, _MARGIN = 4.0, 1.5
 """A person's rectangle ends so many standard deviations and cells beyond the paths."""
 _NO_CELL = 1e-6
 """Share of a cell that is no cell."""
+_MOST_OF_ONE, _MOST_OF_ALL = 20_000, 2_000_000
+"""Squares in which one person is expected at a step, and all are; where there would be more, they grow."""
 
 _COLUMNS = {
     "x": "<f4",
@@ -127,14 +130,14 @@ def grid_messages(
         horizon: add `HORIZON`, the largest value of all steps, stamped with the present: for costmaps,
             which have one value per cell.
         is_wanted: whether somebody wants a topic.
-        detail_m: cells share a value in squares of at most this side, since small ones take long, m.
+        detail_m: cells share a value in squares of at most this side, since small ones take long, m; those of
+            a person who may be in too many of them at a step are larger.
     """
     group, part = _group(ground.resolution_m, detail_m), reached_cells(predictions, ground, detail_m)
     corner = ground.origin + ground.resolution_m * np.array([each.start for each in part])
     cut = OccupancyMap(ground.occupied[part], corner, ground.resolution_m)
-    squares = np.rint(100 * predicted_occupancy(predictions, cut.free(group * cut.resolution_m)))
-    per_cent = squares.astype(np.int8).repeat(group, axis=1).repeat(group, axis=2)
-    per_cent = per_cent[:, : cut.occupied.shape[0], : cut.occupied.shape[1]]
+    squares = _expected(predictions, cut.free(group * cut.resolution_m))
+    per_cent = _repeated(np.rint(100 * squares).astype(np.int8), group, cut)
     info = map_info(ground, time_ns)
 
     def grid(cells: np.ndarray, then_ns: int) -> Content:
@@ -150,6 +153,45 @@ def grid_messages(
     if horizon and is_wanted(HORIZON):
         messages[HORIZON] = grid(per_cent.max(axis=0, initial=0), time_ns)
     return messages
+
+
+def _expected(predictions: Predictions, squares: OccupancyMap) -> np.ndarray:
+    """`predicted_occupancy`, in larger squares of those who may be nearly anywhere. [P, X, Y].
+
+    Somebody new may be within tens of metres after 3 s: in small squares, twenty such people take seconds.
+    """
+    free = np.ones((predictions.steps, *squares.occupied.shape), np.float32)
+    for step in range(predictions.steps):
+        then = _at(predictions, step)
+        larger = _larger(then, squares)
+        for times in np.unique(larger).tolist():
+            cells = squares.free(times * squares.resolution_m)
+            taken = predicted_occupancy(then.select(larger == times), cells)
+            free[step] *= 1.0 - _repeated(taken, times, squares)[0]
+    return 1.0 - free
+
+
+def _at(predictions: Predictions, step: int) -> Predictions:
+    """Of all steps only this one, from 0."""
+    point, path, covariance = predictions.point, predictions.path, predictions.covariance
+    this = np.s_[..., step : step + 1, :]
+    spread = None if covariance is None else covariance[..., step : step + 1, :, :]
+    return replace(predictions, point=point[this], path=path[this], covariance=spread)
+
+
+def _larger(predictions: Predictions, ground: OccupancyMap) -> np.ndarray:
+    """How many times larger squares are, few of which hold a person's forecast of one step. [N] int."""
+    ends = _ends(predictions, ground.resolution_m)
+    reach = np.diff(np.clip((ends - ground.origin) / ground.resolution_m, 0, ground.occupied.shape), axis=0)
+    most = min(_MOST_OF_ONE, _MOST_OF_ALL / max(len(predictions), 1))
+    times = np.sqrt(reach.prod(axis=-1)[0] / most)
+    return 2 ** np.ceil(np.log2(np.maximum(np.nan_to_num(times), 1.0))).astype(np.int64)
+
+
+def _repeated(squares: np.ndarray, times: int, ground: OccupancyMap) -> np.ndarray:
+    """The cells of a ground, of which so many along each side share the value of a square. [P, X, Y]."""
+    cells = squares.repeat(times, axis=1).repeat(times, axis=2)
+    return cells[:, : ground.occupied.shape[0], : ground.occupied.shape[1]]
 
 
 def reached_cells(predictions: Predictions, ground: OccupancyMap, detail_m: float) -> tuple[slice, slice]:
@@ -177,16 +219,21 @@ def reached_ground(predictions: Predictions, cell_m: float, detail_m: float) -> 
         cell_m: side of a cell, m.
         detail_m: see `grid_messages`, m.
     """
-    path = np.clip(predictions.path.reshape(-1, 2), -FARTHEST_M, FARTHEST_M)  # where a map can begin
-    spread = np.zeros((len(path), 2))
+    low, high = _ends(predictions, _group(cell_m, detail_m) * cell_m)
+    known = np.isfinite(low).all(axis=1)
+    if not known.any():
+        return np.zeros((0, 2))
+    return np.clip([low[known].min(axis=0), high[known].max(axis=0)], -FARTHEST_M, FARTHEST_M)
+
+
+def _ends(predictions: Predictions, side_m: float) -> np.ndarray:
+    """Lowest and highest corner of where each person is expected, with a margin of cells, m. [2, N, 2]."""
+    path = np.clip(predictions.path, -FARTHEST_M, FARTHEST_M)  # where a map can begin
+    spread = np.zeros(path.shape)
     if predictions.covariance is not None:
-        spread = np.sqrt(np.diagonal(predictions.covariance, axis1=-2, axis2=-1)).reshape(-1, 2)
-    known = np.isfinite(path).all(axis=1)
-    side_m = _group(cell_m, detail_m) * cell_m
-    path, wide = path[known], _DEVIATIONS * (spread[known] + _MARGIN * side_m) + BODY_M
-    if not len(path):
-        return path
-    return np.clip([(path - wide).min(axis=0), (path + wide).max(axis=0)], -FARTHEST_M, FARTHEST_M)
+        spread = np.sqrt(np.diagonal(predictions.covariance, axis1=-2, axis2=-1))
+    wide = _DEVIATIONS * (spread + _MARGIN * side_m) + BODY_M
+    return np.stack([(path - wide).min(axis=(1, 2)), (path + wide).max(axis=(1, 2))])
 
 
 def _group(cell_m: float, detail_m: float) -> int:

@@ -43,6 +43,7 @@ def diagnose(
     before: Counts,
     kinds: Collection[str] = (),
     latency_ms: float = 0.0,
+    clock_ns: int = 1,
 ) -> tuple[int, str]:
     """Level and summary: OK, or what is wrong.
 
@@ -53,8 +54,13 @@ def diagnose(
         before: what had happened at the last diagnosis.
         kinds: the types that they publish.
         latency_ms: from people to their forecasts, ms.
+        clock_ns: that of the node; 0 where time is simulated and no clock has come.
     """
     problems = []
+    if not clock_ns:
+        problems.append(
+            "nobody publishes /clock: people who have gone stay in costmaps. Set use_sim_time to false"
+        )
     if follower.occupancy is None and follower.settings.use_map:
         problems.append("no map: forecasts go through walls")
     if is_robots(follower.frame):
@@ -78,7 +84,7 @@ def diagnose(
         problems.append(f"of the last {messages} messages of people, {left_out} are left out")
     if latency_ms > _LATE_MS:
         problems.append(f"forecasts come {latency_ms:.0f} ms after people: send fewer of them, or less often")
-    if _WRONG_CLOCK_S < abs(follower.stamp_age_s) < _RECORDED_S:
+    if clock_ns and _WRONG_CLOCK_S < abs(follower.stamp_age_s) < _RECORDED_S:
         problems.append(
             f"people are stamped {follower.stamp_age_s:.1f} s ago: are clocks of two computers apart, or do "
             "detections come late?"

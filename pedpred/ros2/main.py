@@ -33,7 +33,10 @@ def main() -> None:
     except ImportError as cause:
         raise SystemExit(f"{_MISSING} ({cause})") from cause
     # its own handlers shut the middleware down from another thread, whatever this one is doing there
-    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as cause:  # it names the argument, or the file and the line
+        raise SystemExit(f"pedpred-ros2: {cause}") from cause
     _run(rclpy.utilities.remove_ros_args(sys.argv)[1:])
 
 

@@ -28,6 +28,7 @@ from pedpred.ros2.events import no_callbacks
 from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
 from pedpred.ros2.log import RosHandler, guarded
 from pedpred.ros2.outputs import PEOPLE, PREDICTIONS, Answer, output_types
+from pedpred.ros2.rehearsal import rehearse
 from pedpred.ros2.settings import LIVE, NodeSettings, fields_of, unchangeable
 
 _PEOPLE_DEPTH, _TF_DEPTH, _UPDATES_DEPTH, _PREDICTIONS_DEPTH = 50, 100, 50, 10
@@ -59,6 +60,14 @@ class PedpredNode(LifecycleNode):
         self._handler = RosHandler(self.get_logger())
         logging.getLogger("pedpred").addHandler(self._handler)
         logging.getLogger("pedpred").setLevel(logging.INFO)
+        self._tell_unknown()
+
+    def _tell_unknown(self) -> None:
+        """Warn of parameters of files and arguments that nothing reads, such as misspelt ones."""
+        overrides = getattr(self, "_parameter_overrides", {})  # rclpy has no public name for them
+        unknown = [name for name in overrides if not (self.has_parameter(name) or name.startswith("qos_"))]
+        if unknown:
+            _log.warning("there is no parameter %s: pedpred-ros2 --help lists them", ", ".join(unknown))
 
     def start(self) -> bool:
         """Configure and activate, unless the parameter `autostart` leaves that to a lifecycle manager.
@@ -101,11 +110,17 @@ class PedpredNode(LifecycleNode):
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
         """Read parameters, warm up, make publishers, listen to the map and to transforms."""
+        return self._tried("not configured", self._configure, self._clean_up)
+
+    def _tried(
+        self, lost: str, act: Callable[[], object], undo: Callable[[], None]
+    ) -> TransitionCallbackReturn:
+        """Make a transition, or log why that fails and undo it: rclpy would say nothing of the error."""
         try:
-            self._configure()
-        except Exception as problem:  # rclpy says nothing of it
-            _log.error("not configured: %s", problem, exc_info=not isinstance(problem, PedpredError))
-            self._clean_up()
+            act()
+        except Exception as problem:
+            _log.error("%s: %s", lost, problem, exc_info=not isinstance(problem, PedpredError))
+            undo()
             return _Done.FAILURE
         return _Done.SUCCESS
 
@@ -120,6 +135,7 @@ class PedpredNode(LifecycleNode):
         warm_up(settings.folder)
         warm_up_turning()
         predictor = OnlinePredictor.load(settings.folder, settings.online())
+        rehearse(predictor, settings)
         if settings.place is not None:
             check_output(settings.place)
         self._steps = predictor.protocol.horizon_steps
@@ -132,7 +148,7 @@ class PedpredNode(LifecycleNode):
                 _latched(1),
                 _sensor(1),
             ):  # the first hears no volatile map, the second none of before
-                self._listen(GRID_TYPE, "map", self._map_heard, qos)
+                self._listen(GRID_TYPE, "map", self._map_heard, qos, no_callbacks())
             try:
                 updates = f"{topic}_updates"
                 heard = _listener(updates, self._follower.map_update_came)
@@ -150,6 +166,10 @@ class PedpredNode(LifecycleNode):
             self._listen(TRANSFORMS, "/tf_static", fixed, _latched(_TF_DEPTH))
         except ConfigError as problem:
             _log.warning("people must be in the frame of the map: %s", problem)
+        people = self.resolve_topic_name("people")
+        if people in {one.topic_name for one in (*self._own, *self._sinks.values())}:
+            rule = "this node has it for something else: remap `people` to the topic of the tracker"
+            raise ConfigError("people", people, rule)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._retry = self.create_timer(
             _RETRY_S, guarded("people left out", self._publish_answers), clock=steady
@@ -184,6 +204,10 @@ class PedpredNode(LifecycleNode):
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
         """Listen to people."""
+        done = self._tried("not activated", self._listen_to_people, self._forget_people)
+        return super().on_activate(state) if done == _Done.SUCCESS else done
+
+    def _listen_to_people(self) -> None:
         assert self._follower is not None
         settings = self._follower.settings
         reliable = settings.people_reliability == "reliable"
@@ -193,7 +217,6 @@ class PedpredNode(LifecycleNode):
         )
         heard = f"{self.resolve_topic_name('people')} ({settings.people_type}, {settings.people_reliability})"
         _log.info("forecasting people of %s on %s", heard, self.resolve_topic_name(PREDICTIONS))
-        return super().on_activate(state)
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
         """Listen to people no more; the map and transforms are still heard."""
@@ -230,10 +253,13 @@ class PedpredNode(LifecycleNode):
             (self.destroy_lifecycle_publisher if lasting else self.destroy_publisher)(sink)
         self._own, self._sinks, self._follower, self._retry = [], {}, None, None
 
-    def _listen(self, kind: str, topic: str, callback: Callable[..., None], qos: QoSProfile) -> None:
-        made, silent = _message_class(kind), no_callbacks()
+    def _listen(
+        self, kind: str, topic: str, callback: Callable[..., None], qos: QoSProfile, events: Any = None
+    ) -> None:
+        """Subscribe; without `events`, the log says which publisher is not heard, because of its QoS."""
+        made = _message_class(kind)
         self._own.append(
-            self.create_subscription(made, topic, callback, qos, event_callbacks=silent, raw=True)
+            self.create_subscription(made, topic, callback, qos, event_callbacks=events, raw=True)
         )
 
     def _people_heard(self, raw: bytes, about: dict[str, Any]) -> None:
@@ -291,11 +317,12 @@ class PedpredNode(LifecycleNode):
             one.topic_type for one in self.get_publishers_info_by_topic(self.resolve_topic_name("people"))
         ]
         latency_ms, now_s = self._latencies.median_ms(), time.monotonic()
-        level, summary = diagnose(self._follower, now_s, len(kinds), self._diagnosed, kinds, latency_ms)
+        now_ns, name = self.get_clock().now().nanoseconds, self.get_fully_qualified_name().lstrip("/")
+        known = len(kinds), self._diagnosed, kinds, latency_ms, now_ns
+        level, summary = diagnose(self._follower, now_s, *known)
         self._diagnosed = replace(self._follower.counts)
         level, summary = (level, summary) if self._people is not None else (0, "not active")
         values = told_values(self._follower, self._latencies)
-        now_ns, name = self.get_clock().now().nanoseconds, self.get_fully_qualified_name().lstrip("/")
         content = diagnostics_content(name, level, summary, values, now_ns)
         self._sinks["/diagnostics"].publish(serialize(DIAGNOSTICS_TYPE, content))
 
