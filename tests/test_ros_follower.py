@@ -341,6 +341,16 @@ def test_diagnostics_say_that_nobody_is_of_a_wanted_class():
         assert (found, "class_ids" in text) == (level, bool(level))
 
 
+def test_a_crowd_that_a_tracker_names_anew_keeps_its_new_ids(caplog):
+    """It is one message in which all ids are new, not one after the other."""
+    follower = follower_of()
+    for k in range(20):
+        crowd = {f"{n + 1000 * (k >= 10)}": (n % 15 + 0.1 * k, n // 15) for n in range(150)}
+        cloud = answered(follower, people(5.0 + k / 10, **crowd))["predictions"]
+        assert set(map(str, rows_of(cloud)["track_id"])) >= crowd.keys()
+    assert "ids do not stay" not in caplog.text
+
+
 def test_diagnostics_say_that_a_simulated_clock_stands_and_not_that_stamps_are_wrong():
     """Then nothing says that people have gone."""
     follower = follower_of()

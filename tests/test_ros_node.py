@@ -329,6 +329,17 @@ def test_publishers_that_are_not_heard_are_told_of_and_a_clock_that_does_not_com
     assert "nobody publishes /clock" in heard["/diagnostics"][-1].status[0].message
 
 
+def test_two_nodes_on_the_same_topics_are_told_of(place):
+    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
+    arguments = "-p", "use_map:=false"
+    place.start((PYTHON, "-m", "pedpred.ros2", "--ros-args", *arguments), place.folder / "other.txt")
+    place.wait(lambda: "forecasting people" in (place.folder / "other.txt").read_text(), "another node")
+    with place.node(*arguments):
+        publish, send = [("/people", PEOPLE_TYPE, "rv")], [(1.0, 0, people(100.0, ada=(0.0, 0.0)))]
+        heard = place.exchange(publish, (0, people(60.0)), send, record, {"/diagnostics": 4})
+    assert all("another node publishes" in one.status[0].message for one in heard["/diagnostics"][2:])
+
+
 def test_no_message_ends_or_stalls_the_node(place):
     """Wrong ones on all topics, again and again, then people, who are forecast; errors are told at times."""
     crowd = people(50.0, **{str(k): (k % 100, k // 100) for k in range(5000)})

@@ -44,6 +44,7 @@ def diagnose(
     kinds: Collection[str] = (),
     latency_ms: float = 0.0,
     clock_ns: int = 1,
+    rivals: int = 0,
 ) -> tuple[int, str]:
     """Level and summary: OK, or what is wrong.
 
@@ -55,12 +56,15 @@ def diagnose(
         kinds: the types that they publish.
         latency_ms: from people to their forecasts, ms.
         clock_ns: that of the node; 0 where time is simulated and no clock has come.
+        rivals: other publishers of `predictions`.
     """
     problems = []
     if not clock_ns:
         problems.append(
             "nobody publishes /clock: people who have gone stay in costmaps. Set use_sim_time to false"
         )
+    if rivals > 0:
+        problems.append("another node publishes forecasts here, too: end it, or give each a namespace")
     if follower.occupancy is None and follower.settings.use_map:
         problems.append("no map: forecasts go through walls")
     if is_robots(follower.frame):

@@ -18,9 +18,10 @@ UNNAMED_TYPES = ("geometry_msgs/msg/PoseArray", "people_msgs/msg/PositionMeasure
 """Detections of these types say nothing, or nothing that lasts, about who is who."""
 _REMEMBERED_S = 2 * LOST_AFTER_S
 """A name that is not used for so long loses its number: its person is lost, too."""
-_MESSAGES, _JUDGED, _FLEETING = 10, 100, 0.95
-"""An id is known if it is in one of so many messages before. Of the last so many detections, a larger share
-without a known id means that ids do not stay with people."""
+_MESSAGES, _JUDGED, _OF_A_MESSAGE, _FLEETING = 10, 100, 20, 0.95
+"""An id is known if it is in one of so many messages before. Of the last so many detections, of which so many
+are of one message at most, a larger share without a known id means that ids do not stay with people: once, a
+tracker that starts again names a whole crowd anew."""
 _LATEST, _JUMPY, _JUMPING = 20, 10, 0.2
 """So do jumps farther than anybody can move in more than so many of the last messages, of a larger share of
 their detections."""
@@ -129,7 +130,8 @@ class Identities:
     def _fleeting(self, names: list[str]) -> bool:
         """Whether hardly any id lasts from one message to the next."""
         if self._recent:
-            self._new.extend(not any(name in known for known in self._recent) for name in names)
+            new = [not any(name in known for known in self._recent) for name in names]
+            self._new.extend(new[:_OF_A_MESSAGE])
         return len(self._new) == _JUDGED and sum(self._new) > _FLEETING * _JUDGED
 
     def _jumps(self, one: Instant, place: np.ndarray) -> bool:

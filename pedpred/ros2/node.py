@@ -318,7 +318,8 @@ class PedpredNode(LifecycleNode):
         ]
         latency_ms, now_s = self._latencies.median_ms(), time.monotonic()
         now_ns, name = self.get_clock().now().nanoseconds, self.get_fully_qualified_name().lstrip("/")
-        known = len(kinds), self._diagnosed, kinds, latency_ms, now_ns
+        rivals = self.count_publishers(self.resolve_topic_name(PREDICTIONS)) - 1
+        known = len(kinds), self._diagnosed, kinds, latency_ms, now_ns, rivals
         level, summary = diagnose(self._follower, now_s, *known)
         self._diagnosed = replace(self._follower.counts)
         level, summary = (level, summary) if self._people is not None else (0, "not active")
