@@ -186,13 +186,13 @@ def test_scratch_data_go_elsewhere_where_nothing_may_be_written(tmp_path, monkey
 
 @pytest.fixture(scope="module")
 def archived(tmp_path_factory):
-    """The project as an archive holds it, without history or what is ignored; of its stages, the first."""
+    """The project as an archive holds it, without history and ignored files; of its stages, the first two."""
     folder = tmp_path_factory.mktemp("archived") / "pedpred"
     run(ROOT, ".ci/copy", str(folder))
     shutil.rmtree(folder / ".git")
     (folder / "dvc.lock").unlink()
     pipeline = yaml.safe_load((folder / "dvc.yaml").read_text())
-    first = {"config": pipeline["stages"]["config"]}
+    first = {name: pipeline["stages"][name] for name in ("code", "config")}
     (folder / "dvc.yaml").write_text(yaml.safe_dump({"stages": first}))
     (folder / "build").mkdir()
     (folder / "build/scratch").write_text("ignored")
