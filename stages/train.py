@@ -23,10 +23,9 @@ from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
 from pedpred.training.instants import RealShare, mix_shares
 from pedpred.training.sequences import NamedSets
 
-GROUPS = ("networks", "memoryless")
-"""Of networks, as in conf/methods."""
-
 SEQUENCES, INSTANTS = Path("data/features"), Path("data/situations")
+GROUPS = {"networks": SEQUENCES, "memoryless": INSTANTS}
+"""Of networks, as in conf/methods -> what those learn from."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,9 @@ def main(cfg: DictConfig) -> None:
     A phase that learns from instants adds its simulated sets. A sequence without any set is a copy of the
     phase before. Several processes: `torchrun -m stages.train`.
     """
-    name, phase = stage_key(cfg), one_of("phase", cfg.phase, PHASES)
+    name = stage_key(cfg)
+    rows = GROUPS[group_of(cfg.methods, name)]
+    phase = one_of("phase", cfg.phase, {key: each for key, each in PHASES.items() if each.rows == rows})
     with configured(f"training.{cfg.phase}"):
         settings, data = settings_of(cfg.phase, plain(cfg.training[cfg.phase]))
     architecture, device = architecture_of(cfg, name), device_of(cfg)
@@ -127,8 +128,8 @@ def main(cfg: DictConfig) -> None:
         with configured("training"):
             here = group.enter_context(distributed_context(device.device, device.autocast))
         group.enter_context(configured(f"training.{cfg.phase}"))
-        rows = load_rows(architecture, settings, folders, embeddings, Path("models/autoencoder"))
-        network, curve, about = fit(architecture, previous, rows, settings, title, here)
+        loaded = load_rows(architecture, settings, folders, embeddings, Path("models/autoencoder"))
+        network, curve, about = fit(architecture, previous, loaded, settings, title, here)
     if here.writes:
         write_checkpoint(out, network.state_dict(), about)
         write_curve(curve, curve_path)

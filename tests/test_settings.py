@@ -315,9 +315,11 @@ STAGES = [
             "'cv': choose one of lstm_nogrid, lstm, .*mixture$",
         ),
         (train_far, {"name": "cv"}, "'cv': choose one of lstm, mixture$"),
+        (train, {"name": "lstm", "phase": "situations"}, "'situations': choose one of corridor, main, fine"),
+        (train, {"name": "mixture", "phase": "main"}, "'main': choose one of situations, adaptation$"),
     ],
 )
-def test_a_stage_says_which_networks_it_knows(stage, arguments, message):
+def test_a_stage_says_which_networks_and_phases_it_knows(stage, arguments, message):
     with pytest.raises(PedpredError, match=message):
         stage.main.__wrapped__(OmegaConf.create(PARAMS | arguments))
 

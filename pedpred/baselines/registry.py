@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.baselines.social_force import social_force
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_choice
+from pedpred.fields import check_choice, check_names
 from pedpred.forecasting import Forecaster
 
 BASELINES: dict[str, Callable[..., Forecaster]] = {**PRESENT_MOTION, "social_force": social_force}
@@ -28,6 +29,9 @@ def baseline(key: str, settings: Mapping[str, Any]) -> Forecaster:
     options = dict(settings)
     name = options.pop("baseline", key)
     check_choice(f"{key}.settings.baseline", name, sorted(BASELINES))
+    known = [*inspect.signature(BASELINES[name]).parameters]
+    rule = f"the settings are {', '.join(known)}" if known else f"{name} has no settings"
+    check_names(known, options, f"{key}.settings", rule)
     try:
         return BASELINES[name](**options)
     except ValueRuleError as cause:

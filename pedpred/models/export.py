@@ -73,7 +73,7 @@ def export_onnx(
     Args:
         network: trained; it decides which inputs the graph has.
         encoder: whose embeddings the network reads; None if it does not read the grid.
-        shapes: of the sensor inputs of one person, by name (`pedpred.online.network.sensor_shapes`).
+        shapes: of the sensor inputs of one person, by name (`RowFormat.features.shapes`).
         dt_s: time between two steps, s.
         path: the file to write.
 

@@ -90,7 +90,8 @@ def train(learner: Learner, scratch: Path | None, description: str) -> list[dict
         description: title of the progress bar.
 
     Returns:
-        The curve, one row per validation: epoch, step, train_loss, and the figures of the validation.
+        The curve, one row per validation: epoch (the number of the validation), step, train_loss, and the
+        figures of the validation.
 
     Raises:
         ValueRuleError: the figure that chooses the weights cannot be computed, or the training diverges.
