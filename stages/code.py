@@ -86,7 +86,8 @@ def files_of(*scripts: Path) -> list[Path]:
 
 
 def _is_read(path: Path) -> bool:
-    return path.is_file() and path.suffix not in (".py", ".typed")
+    """Whether a file may be read by the code beside it; hidden ones are those of editors."""
+    return path.is_file() and path.suffix not in (".py", ".typed") and not path.name.startswith(".")
 
 
 @cache
