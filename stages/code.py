@@ -42,7 +42,7 @@ def file_of(module: str) -> Path | None:
 def imported(path: Path) -> tuple[tuple[str, str | None], ...]:
     """Return the (module, name) pairs that a file imports; name is None for a plain `import module`."""
     pairs: list[tuple[str, str | None]] = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"), path)):
         if isinstance(node, ast.Import):
             pairs += ((alias.name, None) for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -79,10 +79,8 @@ def code_behind(script: Path) -> set[Path]:
 def files_of(*scripts: Path) -> list[Path]:
     """Return what results of scripts depend on: their code, and other files beside that."""
     code = set().union(*map(code_behind, scripts)) - UNRELATED
-    beside = {
-        path for folder in {path.parent for path in code} for path in folder.iterdir() if _is_read(path)
-    }
-    return sorted(code | beside)
+    near = [path for folder in {path.parent for path in code} for path in folder.iterdir()]
+    return sorted(code.union(filter(_is_read, near)))
 
 
 def _is_read(path: Path) -> bool:
@@ -93,8 +91,10 @@ def _is_read(path: Path) -> bool:
 @cache
 def checksum(path: Path) -> str:
     """Return the checksum of what a file means: of Python, without comments, docstrings and blank lines."""
-    text = path.read_text(encoding="utf-8")
-    return hashlib.sha256((meaning(text) if path.suffix == ".py" else text).encode()).hexdigest()[:_DIGITS]
+    content = path.read_bytes()
+    if path.suffix == ".py":
+        content = meaning(content.decode()).encode()
+    return hashlib.sha256(content).hexdigest()[:_DIGITS]
 
 
 def meaning(text: str) -> str:
