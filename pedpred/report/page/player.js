@@ -108,8 +108,10 @@ class Player {
     event.preventDefault();
   }
 
+  // The next person, of those with a forecast if there are any.
   following() {
-    const here = this.replay.peopleAt(this.time).map((person) => person.track);
+    const everybody = this.replay.peopleAt(this.time).map((person) => person.track), rows = this.replay.rowsAt(this.time);
+    const forecast = everybody.filter((track) => rows.has(track)), here = forecast.length ? forecast : everybody;
     return here.length ? here[(here.indexOf(this.picked) + 1) % here.length] : null;
   }
 
