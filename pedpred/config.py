@@ -96,7 +96,9 @@ def config_errors(address: str | None = None) -> Iterator[None]:
         except OmegaConfBaseException as error:
             raise _about_key(error, address) from error
         except FileError as error:
-            raise SystemExit(f"{type(error).__name__}: {error}{_remedy(error.path)}") from error
+            remedy = _remedy(error.path)
+            said = f"{error.problem}{remedy}" if remedy else str(error)
+            raise SystemExit(f"{type(error).__name__}: {said}") from error
         except FileNotFoundError as error:
             if error.filename is None:
                 raise

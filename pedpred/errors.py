@@ -140,12 +140,17 @@ class ConfigError(PedpredError):
 
 
 class FileError(PedpredError):
-    """A file cannot be understood; the message names it."""
+    """A file cannot be understood; the message names it.
+
+    Attributes:
+        path: of the file.
+        problem: the message without its remedy.
+    """
 
     def __init__(self, path: Path, where: str, problem: str, remedy: str):
         about, told = (_cut(text, _LONGEST_PROBLEM) for text in (f"{path}{where}", problem))
-        super().__init__(f"{about}: {told}{f'. {remedy}' if remedy else ''}")
-        self.path = Path(path)
+        self.path, self.problem = Path(path), f"{about}: {told}"
+        super().__init__(f"{self.problem}{f'. {remedy}' if remedy else ''}")
 
 
 class SourceError(FileError):

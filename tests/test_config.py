@@ -6,12 +6,13 @@ import runpy
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from omegaconf import OmegaConf
 
 from pedpred import config
-from pedpred.errors import ConfigError, ValueRuleError
+from pedpred.errors import ConfigError, StorageError, ValueRuleError
 from stages.config import SHARED_PARTS, write_shared
 from tests.conftest import ROOT
 
@@ -261,6 +262,13 @@ def test_a_folder_that_a_stage_misses_is_named_with_the_remedy(folder, remedy):
     with pytest.raises(SystemExit) as ended, config.config_errors():
         os.listdir(folder)
     assert ended.value.code == f"{folder}: there is no such file or folder{remedy}"
+
+
+def test_there_is_one_remedy_for_a_damaged_file_of_a_stage():
+    with pytest.raises(SystemExit) as ended, config.config_errors():
+        raise StorageError(Path("data/scene.json"), "size", "it is negative", "Write the scene again")
+    told = "StorageError: data/scene.json, size: it is negative"
+    assert ended.value.code == f"{told}. `dvc repro` writes it again"
 
 
 def test_arguments_of_stages_are_those_that_their_commands_have():

@@ -10,10 +10,17 @@ from pedpred.errors import ConfigError, ShapeError, SourceError, StorageError, V
 @pytest.mark.parametrize(
     ("error", "facts"),
     [
-        (SourceError(Path("a.csv"), 3, "too short"), {"path": Path("a.csv"), "line": 3}),
+        (
+            SourceError(Path("a.csv"), 3, "too short"),
+            {"path": Path("a.csv"), "line": 3, "problem": "a.csv, line 3: too short"},
+        ),
         (
             StorageError(Path("a.parquet"), "column x_m", "it is missing", "Write it again"),
-            {"path": Path("a.parquet"), "field": "column x_m"},
+            {
+                "path": Path("a.parquet"),
+                "field": "column x_m",
+                "problem": "a.parquet, column x_m: it is missing",
+            },
         ),
         (
             ValueRuleError("dt_s", -1.0, "it must be positive"),
