@@ -10,6 +10,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
+from pedpred.models.mixture.features.nearest import NEIGHBOUR
 from pedpred.models.mixture.network import SURROUNDINGS
 from pedpred.models.registry import parse_settings
 from pedpred.online import OnlinePredictor
@@ -48,6 +49,19 @@ def test_what_is_left_unread_changes_nothing(unread):
         network = parse_settings(own).build(WIDTHS, 10)
         one, other = (network(seen, {})[0]["modes"] for seen in (inputs, others))
         assert torch.equal(one, other) == same
+
+
+def test_velocities_of_neighbours_that_are_unread_change_nothing_and_their_places_do():
+    torch.manual_seed(0)
+    about = {"architecture": "mixture", "units": 32, "unread": ["neighbour_velocities"]}
+    network = parse_settings(about).build(WIDTHS, 10)
+    inputs = {name: torch.rand(6, 2, width) for name, width in WIDTHS.items()}
+    moved = inputs["neighbours"].unflatten(-1, (-1, NEIGHBOUR)).repeat(3, 1, 1, 1, 1)
+    moved[1, ..., 2:4] += 1.0
+    moved[2, ..., :2] += 1.0
+    one, faster, elsewhere = (network(inputs | {"neighbours": m.flatten(-2)}, {})[0]["modes"] for m in moved)
+    assert torch.equal(one, faster)
+    assert not torch.equal(one, elsewhere)
 
 
 def test_people_who_choose_alone_keep_their_weights(mixture):

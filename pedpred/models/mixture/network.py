@@ -23,11 +23,13 @@ from pedpred.fields import check_ranges, parsed
 from pedpred.models.contract import UNITS, ForecastNetwork, Loss, Tensors, displacements, mean_over
 from pedpred.models.gaussian import covariance_of, initial_spread, negative_log_density, spread_of
 from pedpred.models.mixture.encoders import BeamEncoder, NeighbourEncoder, motion_known, own_motion, own_signs
+from pedpred.models.mixture.features.nearest import NEIGHBOUR
 from pedpred.models.mixture.mirror import MirroredLinear
 
 CHANNELS_READ = ("state", "history", "track", "neighbours", "beams")
 SURROUNDINGS = ("history", "neighbours", "beams")
 """What it can do without: the past, other people, obstacles."""
+_VELOCITIES = "neighbour_velocities"
 _ENCODERS = ("own", "neighbours", "beams")
 _WIDTHS = ("units", "motion_units", "neighbour_units", "obstacle_units")
 
@@ -47,7 +49,8 @@ class MixtureSettings:
         sharpness: steps of a path that count as independent in its likelihood.
         balance_m: errors of people are weighed by 1 / (balance_m + error of constant velocity).
         mirrored: whether it looks at the mirror image, too.
-        unread: those of `SURROUNDINGS` that it does not read.
+        unread: those of `SURROUNDINGS` that it does not read; or "neighbour_velocities", then it reads where
+            neighbours are, as the angular grid of the LSTM says it, and not how they move.
         frozen: those of its encoders whose weights stay as they are drawn: "own", "neighbours", "beams".
     """
 
@@ -70,7 +73,7 @@ class MixtureSettings:
         check_ranges(self, dict.fromkeys(("sharpness", "balance_m"), "(0, 1e6]"))
         if self.mirrored and self.modes % 2:
             raise ValueRuleError("modes", self.modes, "use an even number: half of them are mirror images")
-        for name, known in {"unread": SURROUNDINGS, "frozen": _ENCODERS}.items():
+        for name, known in {"unread": (*SURROUNDINGS, _VELOCITIES), "frozen": _ENCODERS}.items():
             if not set(getattr(self, name)) <= set(known):
                 raise ValueRuleError(name, getattr(self, name), f"known are {', '.join(known)}")
 
@@ -147,6 +150,8 @@ class MixtureNetwork(ForecastNetwork):
         """Forecast some people; see `ForecastNetwork.step`."""
         modes, steps = self.settings.modes, self.horizon_steps
         seen = {n: torch.zeros_like(v) if n in self.settings.unread else v for n, v in inputs.items()}
+        if _VELOCITIES in self.settings.unread:
+            seen["neighbours"] = _standing(seen["neighbours"])
         motion = own_motion(seen)
         known = motion_known(motion)
         velocities, paths, weight, spread = self._heads(self._look(seen, motion, known))
@@ -239,3 +244,9 @@ def _length(vectors: Tensor) -> Tensor:
 def _over_steps(values: Tensor, known: Tensor) -> Tensor:
     """Mean over the known steps of each row; 0 where there is none. [..., P] and [..., P] bool -> [...]."""
     return (values * known).sum(dim=-1) / known.sum(dim=-1).clamp(min=1)
+
+
+def _standing(neighbours: Tensor) -> Tensor:
+    """Neighbours whose velocities are zero. [N, K * NEIGHBOUR]."""
+    place, velocity, weight = neighbours.reshape(len(neighbours), -1, NEIGHBOUR).split([2, 2, 1], dim=-1)
+    return torch.cat([place, torch.zeros_like(velocity), weight], dim=-1).flatten(1)
