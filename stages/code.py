@@ -27,7 +27,8 @@ CODE = Path("data/code")
 
 _NAMES = ("arrays", "compiled", "config", "contents", "errors", "fields", "files", "lazy", "plain", "workers")
 UNRELATED = {ROOT / f"pedpred/{name}.py" for name in _NAMES}
-"""On these, no result depends: they check, say where the work is done, or read and write whole files."""
+"""These are not listed, though nearly all code imports them: they check, compile, read and write files. Force
+the stages after a change of how loops are compiled or pictures are read (`dvc repro --force`)."""
 
 _DIGITS = 16
 
@@ -53,7 +54,7 @@ def imported(path: Path) -> tuple[tuple[str, str | None], ...]:
 def provider(module: str, name: str | None) -> Path | None:
     """Return the file that defines what is imported: names of a package are followed to their module."""
     file = (file_of(f"{module}.{name}") if name else None) or file_of(module)
-    if file is not None and file.name == "__init__.py":
+    if name is not None and file is not None and file.name == "__init__.py":
         sources = [source for source, public in imported(file) if public == name]
         return provider(sources[0], name) if sources else file
     return file
@@ -150,8 +151,8 @@ def listings(methods: Mapping[str, Mapping[str, Any]]) -> dict[Path, list[Path]]
     """
     files = {CODE / script.stem: files_of(script) for script in scripts()}
     for group, rows in methods.items():
-        known = {row["settings"].get("architecture") for row in rows.values()} & ARCHITECTURES.keys()
-        modules = [ARCHITECTURES[name].rpartition(".")[0] for name in sorted(known)]
+        named = {(row.get("settings") or {}).get("architecture") for row in rows.values()}
+        modules = [path.rpartition(".")[0] for name, path in sorted(ARCHITECTURES.items()) if name in named]
         if homes := [file for module in modules if (file := file_of(module))]:
             files[CODE / "methods" / group] = files_of(*homes)
     return files

@@ -177,3 +177,46 @@ def test_nobody_is_minus_one_also_without_a_sign(kind, tmp_path):
         messages.append(("/seen", kind, store.make(kind, header=outer, **{field: several})))
     store.write(tmp_path / "hall", messages)
     assert read_bag(tmp_path / "hall").trajectories.track_id.tolist() == [7] * len(TIMES_S)
+
+
+# Messages whose detections have many times
+
+
+LATE_S = {
+    "two cameras": [0, 0.1],
+    "six sensors": [0.1 * k for k in range(6)],
+    "near": [0.06 * k for k in range(6)],
+}
+
+
+@pytest.mark.parametrize("late_s", LATE_S.values(), ids=LATE_S.keys())
+def test_people_of_sensors_that_are_late_keep_their_ids(late_s, tmp_path):
+    messages = [
+        content(
+            BOXES, (t, "map"), *(((t - lag, "map"), str(k), (t, 2.0 * k, 0)) for k, lag in enumerate(late_s))
+        )
+        for t in TIMES_S
+    ]
+    people = read_bag(bag(tmp_path / "hall", BOXES, messages, moves=False)).trajectories
+    assert np.unique(people.track_id, return_counts=True)[1].tolist() == [30] * len(late_s)
+
+
+def test_tracks_with_the_stamp_of_their_last_detection_are_followed(tmp_path):
+    """As of a tracker that goes on with those whom it does not see."""
+    messages = []
+    for step, t in enumerate(TIMES_S):
+        seen_s = [TIMES_S[step - (step + k) % 7] if step >= 7 else t for k in range(7)]
+        rows = (((seen, "map"), str(k), (t, 2.0 * k, 0)) for k, seen in enumerate(seen_s))
+        messages.append(content(BOXES, (t, "map"), *rows))
+    people = read_bag(bag(tmp_path / "hall", BOXES, messages, moves=False)).trajectories
+    assert len(np.unique(people.track_id)) == 7
+    assert len(people) == 210
+
+
+def test_the_node_forecasts_people_who_are_stamped_earlier_than_it_waits():
+    follower = follower_of(people_type=BOXES, identities="given")
+    for t in TIMES_S:
+        rows = ((t, "map"), "1", (t, 0, 0)), ((t - 0.8, "map"), "2", (t, 3, 0))
+        follower.people_came(serialize(BOXES, content(BOXES, (t, "map"), *rows)), round(t * 1e9), 0.0)
+        answers = {answer.topic: answer.content for answer in follower.answers(0.0)}
+    assert sorted(one["name"] for one in answers["predictions/people"]["people"]) == ["1", "2"]

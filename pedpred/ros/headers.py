@@ -6,11 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from pedpred.ros.frame_tree import frame_name
-from pedpred.tracking.tracks import LOST_AFTER_S
 
-_SAME_NS, _LATE_NS = 10_000_000, round(LOST_AFTER_S * 1e9)
+_SAME_NS, _LATE_NS = 10_000_000, 500_000_000
 """Stamps that differ by less are one instant: simulators stamp each agent while they fill a message. Those
-that differ from the message's by more than the second are none of its detections."""
+that differ from the message's by more than the second do not count: a robot leaves older people out."""
+
+_MOST_TIMES = 4
+"""So many times at most has a message of sensors that are fused; with more, as where each track has that of
+its last detection, the message says when."""
 
 
 def time_of(header: Any) -> int:
@@ -34,6 +37,14 @@ def by_header(message: Any, detections: Sequence[Any | None]) -> list[tuple[int,
     """
     outer = time_of(message), frame_name(message.frame_id)
     keys = [outer if header is None else _key(header, *outer) for header in detections]
+    groups = _grouped(keys)
+    if len({time_ns for time_ns, *_ in groups}) > _MOST_TIMES and outer[0]:
+        groups = _grouped([(outer[0], frame) for _, frame in keys])
+    return groups or [(*outer, [])]
+
+
+def _grouped(keys: Sequence[tuple[int, str]]) -> list[tuple[int, str, list[int]]]:
+    """Time, frame and rows of detections, in order of time, from the time and frame of each."""
     groups: list[tuple[int, str, list[int]]] = []
     for row in sorted(range(len(keys)), key=lambda row: (keys[row][1], keys[row][0])):
         time_ns, frame = keys[row]
@@ -41,8 +52,6 @@ def by_header(message: Any, detections: Sequence[Any | None]) -> list[tuple[int,
             groups[-1][2].append(row)
         else:
             groups.append((time_ns, frame, [row]))
-    if not groups:
-        return [(*outer, [])]
     return [(time_ns, frame, sorted(rows)) for time_ns, frame, rows in sorted(groups)]
 
 
