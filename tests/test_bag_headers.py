@@ -201,6 +201,19 @@ def test_people_of_sensors_that_are_late_keep_their_ids(late_s, tmp_path):
     assert np.unique(people.track_id, return_counts=True)[1].tolist() == [30] * len(late_s)
 
 
+def test_people_of_many_frames_and_few_times_are_seen_when_the_message_says():
+    """Two times in each of three frames are as many instants as six times."""
+    frames = ["map", "left", "right"]
+    messages = []
+    for t in TIMES_S:
+        rows = (((t - 0.2 * (k % 2), frames[k // 2]), str(k), (t, 2.0 * k, 0)) for k in range(6))
+        messages.append(content(BOXES, (t, "map"), *rows))
+    types = Filled(0).types
+    read = [types.deserialize_cdr(serialize(BOXES, message), BOXES) for message in messages]
+    instants = [Instant.all_of(each, BOXES, 0.0) for each in read]
+    assert all(len({one.stamp_s for one in several}) == 1 for several in instants)
+
+
 def test_tracks_with_the_stamp_of_their_last_detection_are_followed(tmp_path):
     """As of a tracker that goes on with those whom it does not see."""
     messages = []

@@ -11,9 +11,9 @@ _SAME_NS, _LATE_NS = 10_000_000, 500_000_000
 """Stamps that differ by less are one instant: simulators stamp each agent while they fill a message. Those
 that differ from the message's by more than the second do not count: a robot leaves older people out."""
 
-_MOST_TIMES = 4
-"""So many times at most has a message of sensors that are fused; with more, as where each track has that of
-its last detection, the message says when."""
+_MOST_INSTANTS = 4
+"""So many instants (times in frames) at most has a message of fused sensors; with more, as where each track
+has the stamp of its last detection, the message says when."""
 
 
 def time_of(header: Any) -> int:
@@ -38,7 +38,7 @@ def by_header(message: Any, detections: Sequence[Any | None]) -> list[tuple[int,
     outer = time_of(message), frame_name(message.frame_id)
     keys = [outer if header is None else _key(header, *outer) for header in detections]
     groups = _grouped(keys)
-    if len({time_ns for time_ns, *_ in groups}) > _MOST_TIMES and outer[0]:
+    if len(groups) > _MOST_INSTANTS and len({time_ns for time_ns, *_ in groups}) > 1 and outer[0]:
         groups = _grouped([(outer[0], frame) for _, frame in keys])
     return groups or [(*outer, [])]
 
