@@ -188,7 +188,8 @@ def read_yaml(path: Path, wording: Wording) -> dict[str, Any]:
 
 def _mapping(content: Any) -> dict[str, Any]:
     if not isinstance(content, dict):
-        raise TypeError(f"{type(content).__name__}, expected an object")
+        kind = "nothing" if content is None else type(content).__name__
+        raise TypeError(f"{kind}, expected an object")
     return content
 
 

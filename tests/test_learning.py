@@ -2,7 +2,10 @@
 
 import dataclasses
 import math
+import sys
+from importlib import import_module
 from itertools import islice
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ from hypothesis import strategies as st
 from pedpred.datasets import split_sequences, stream_lanes
 from pedpred.datasets.lanes import SplitSettings
 from pedpred.errors import StorageError, ValueRuleError
+from pedpred.models import registry
 from pedpred.models.contract import Loss, detach, mean_over, reset, velocity_distance
 from pedpred.models.lstm.autoencoder import (
     GridAutoencoder,
@@ -299,6 +303,13 @@ def test_unknown_channel_is_named():
         parse_settings(plain)
     with pytest.raises(ValueRuleError, match=r"architecture = 'gru'.*lstm"):
         parse_settings(plain_settings(SMALL) | {"architecture": "gru"})
+
+
+def test_a_class_that_a_package_exports_again_is_the_same_architecture(monkeypatch):
+    package = SimpleNamespace(**vars(import_module("pedpred.models.lstm.network")))
+    monkeypatch.setitem(sys.modules, "package", package)
+    monkeypatch.setitem(registry.ARCHITECTURES, "lstm", "package.LstmSettings")
+    assert plain_settings(SMALL)["architecture"] == "lstm"
 
 
 def test_checkpoint_round_trip_and_damage(tmp_path):

@@ -108,6 +108,7 @@ def change_map(folder, old, new):
         (lambda f: change_json(f, detection_dt_s=-1.0), "detection_dt_s = -1.0"),
         (lambda f: change_json(f, detection_dt_s="often"), "detection_dt_s = 'often'"),
         (lambda f: (f / "scene.json").write_text("[]"), "list, expected an object"),
+        (lambda f: (f / "scene.json").write_text("null"), "nothing, expected an object"),
         (lambda f: (f / "scene.json").write_text("{"), r"scene\.json"),
         (lambda f: (f / "tracks.parquet").write_text("no table"), r"tracks\.parquet"),
         (lambda f: (f / "tracks.parquet").unlink(), r"tracks\.parquet"),

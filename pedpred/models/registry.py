@@ -50,9 +50,10 @@ def parse_settings(plain: Mapping[str, Any]) -> NetworkSettings:
 
 def plain_settings(settings: NetworkSettings) -> dict[str, Any]:
     """The inverse of `parse_settings`."""
-    kind = f"{type(settings).__module__}.{type(settings).__qualname__}"
-    names = [name for name, path in ARCHITECTURES.items() if path == kind]
-    return {"architecture": names[0], **settings.plain()}
+    kind = type(settings)
+    alike = (name for name, path in ARCHITECTURES.items() if path.rpartition(".")[2] == kind.__name__)
+    name = next(name for name in alike if settings_class(name) is kind)  # a package may export it again
+    return {"architecture": name, **settings.plain()}
 
 
 def describe_network(network: ForecastNetwork, made_with: RowFormat) -> dict[str, Any]:
