@@ -10,7 +10,7 @@ import ast
 import hashlib
 import io
 import tokenize
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from omegaconf import DictConfig
 
 from pedpred.config import plain, stage
 from pedpred.files import write_text
-from pedpred.models.registry import ARCHITECTURES
+from pedpred.models import ARCHITECTURES
 
 ROOT = Path(__file__).resolve().parents[1]
 CODE = Path("data/code")
@@ -100,19 +100,19 @@ def checksum(path: Path) -> str:
 
 def meaning(text: str) -> str:
     """Return Python code without comments, docstrings and blank lines."""
-    lines = dict(enumerate(text.encode().splitlines(), 1))
-    for (first, begin), (last, end) in sorted([*_docstrings(text), *_comments(text)], reverse=True):
+    lines, nodes = dict(enumerate(text.encode().splitlines(), 1)), list(ast.walk(ast.parse(text)))
+    for (first, begin), (last, end) in sorted([*_docstrings(nodes), *_comments(text)], reverse=True):
         lines[last] = lines[first][:begin] + lines[last][end:]
         for number in range(first, last):
             del lines[number]
-    inside = _lines_in_strings(text)
+    inside = _lines_in_strings(nodes)
     stripped = {number: line if number in inside else line.rstrip() for number, line in lines.items()}
     return b"\n".join(line for number, line in stripped.items() if line or number in inside).decode()
 
 
-def _lines_in_strings(text: str) -> set[int]:
+def _lines_in_strings(nodes: Iterable[ast.AST]) -> set[int]:
     """Lines whose end may be in a string, where blanks count."""
-    strings = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant | ast.JoinedStr))
+    strings = (node for node in nodes if isinstance(node, ast.Constant | ast.JoinedStr))
     return {number for node in strings for number in range(node.lineno, node.end_lineno or node.lineno)}
 
 
@@ -120,9 +120,9 @@ Span = tuple[tuple[int, int], tuple[int, int]]
 """Begin and end of a piece of text: line, from 1, and byte in it."""
 
 
-def _docstrings(text: str) -> Iterator[Span]:
+def _docstrings(nodes: Iterable[ast.AST]) -> Iterator[Span]:
     """Strings that stand alone, of modules, classes, functions and values."""
-    for node in ast.walk(ast.parse(text)):
+    for node in nodes:
         match node:
             case ast.Expr(ast.Constant(str()), end_lineno=int(last), end_col_offset=int(end)):
                 yield (node.lineno, node.col_offset), (last, end)

@@ -137,7 +137,7 @@ def additions():
         "network": {
             "pedpred/models/toy.py": {"": inspect.getsource(architecture)},
             "conf/methods/networks.yaml": {"": f"toy: {json.dumps(NETWORK)}"},
-            "pedpred/models/registry.py": {
+            "pedpred/models/__init__.py": {
                 "ARCHITECTURES =": '    "toy": "pedpred.models.toy.ToySettings",',
             },
         },

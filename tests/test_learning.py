@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from pedpred.datasets import split_sequences, stream_lanes
 from pedpred.datasets.lanes import SplitSettings
 from pedpred.errors import StorageError, ValueRuleError
-from pedpred.models import registry
+from pedpred.models import ARCHITECTURES
 from pedpred.models.contract import Loss, detach, mean_over, reset, velocity_distance
 from pedpred.models.lstm.autoencoder import (
     GridAutoencoder,
@@ -308,7 +308,7 @@ def test_unknown_channel_is_named():
 def test_a_class_that_a_package_exports_again_is_the_same_architecture(monkeypatch):
     package = SimpleNamespace(**vars(import_module("pedpred.models.lstm.network")))
     monkeypatch.setitem(sys.modules, "package", package)
-    monkeypatch.setitem(registry.ARCHITECTURES, "lstm", "package.LstmSettings")
+    monkeypatch.setitem(ARCHITECTURES, "lstm", "package.LstmSettings")
     assert plain_settings(SMALL)["architecture"] == "lstm"
 
 

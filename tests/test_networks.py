@@ -10,9 +10,10 @@ from pedpred.errors import ValueRuleError
 from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
+from pedpred.models import ARCHITECTURES
 from pedpred.models.forecaster import NetworkForecaster
 from pedpred.models.lstm.autoencoder import GridEncoder
-from pedpred.models.registry import ARCHITECTURES, load_network, parse_settings
+from pedpred.models.registry import load_network, parse_settings
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import replay_scene
 from pedpred.tracking import KalmanBank

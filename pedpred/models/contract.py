@@ -1,7 +1,7 @@
 """The contract of networks, with or without a memory: what training, evaluation and export need of them.
 
 One file per architecture implements `NetworkSettings` and `ForecastNetwork`, one line of
-`pedpred.models.registry` names it.
+`pedpred.models` names it.
 """
 
 from __future__ import annotations

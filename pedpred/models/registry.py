@@ -1,4 +1,4 @@
-"""The architectures of networks, and how one is built, written and read."""
+"""How a network of any architecture is built, written and read."""
 
 from __future__ import annotations
 
@@ -13,18 +13,10 @@ import torch
 from pedpred.errors import StorageError
 from pedpred.fields import check_choice, check_mapping
 from pedpred.files import read_json, translate_errors
+from pedpred.models import ARCHITECTURES
 from pedpred.models.contract import ForecastNetwork, NetworkSettings
 from pedpred.models.features import RowFormat
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
-
-ARCHITECTURES = {
-    "lstm": "pedpred.models.lstm.network.LstmSettings",
-    "mixture": "pedpred.models.mixture.network.MixtureSettings",
-}
-"""`architecture`, in configuration and checkpoints, -> the class of its settings, which build the network.
-
-It is imported where it is asked for, so that a change of one network concerns no other.
-"""
 
 _KIND = "motion"
 
