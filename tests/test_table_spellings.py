@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pedpred.command import main
-from pedpred.errors import SourceError
+from pedpred.errors import SourceError, ValueRuleError
 from pedpred.sources.single_file import read_file
 from pedpred.tables.options import TableOptions
 from pedpred.tables.titles import meaning_of, titles_of_tracks
@@ -159,6 +159,10 @@ def test_spans_of_time_go_on_beyond_a_day(tmp_path, text_of):
         ("tiempo [s], Peatón, posición x, posición y", "time_s s track_id x_m y_m"),
         ("fotogramma, pedone, x (metri), y (metri)", "frame track_id x_m m y_m m"),
         ("tijd, voetganger, x, y", "time_s track_id x_m y_m"),
+        ("date_time_utc, object, x_pos, y_pos", "time_s track_id x_m y_m"),
+        ("Timestamp (UTC), person, East, North", "time_s track_id x_m y_m"),
+        ("Clock, Agent Name, x_filt, y_filt", "time_s track_id x_m y_m"),
+        ("local_time, ped, east_m, north_m", "time_s track_id x_m m y_m m"),
     ],
 )
 def test_titles_may_be_those_of_other_languages(titles, meant):
@@ -222,6 +226,10 @@ def test_other_words_make_other_columns(title):
         ("time,id,lon,lat", "lon is in degrees: project positions to metres"),
         ("time,id,x_cm,y", "column x_cm has the unit cm, column y has none.*--unit"),
         ("time,id,x,y_ft", "column y_ft has the unit ft, column x has none.*--unit"),
+        ("time [h],id,x,y", r"no column for time_s.*Not used: time \[h\] because of 'h'"),
+        ("time,id,x [km],y [km]", r"no column for x_m.*Not used: x \[km\] because of 'km'"),
+        ("time,target_id,x,y", "no column for track_id.*Not used: target_id because of 'target'"),
+        ("time,global_id,track_uuid,x,y", "columns global_id and track_uuid are both track_id"),
     ],
 )
 def test_titles_that_leave_something_open_are_refused(tmp_path, titles, named):
@@ -229,6 +237,20 @@ def test_titles_that_leave_something_open_are_refused(tmp_path, titles, named):
     path.write_text(f"{titles}\n" + ",".join("1" for _ in titles.split(",")))
     with pytest.raises(SourceError, match=named):
         read_file(path)
+
+
+@pytest.mark.parametrize(
+    "title", ["global_id", "track_uuid", "tracked_object", "entity", "Visitor ID", "uniqueId", "device_id"]
+)
+def test_further_ids_count_where_no_title_says_more(title):
+    assert titles_of_tracks(("time", title, "x", "y"))[title] == "track_id"
+    assert title not in titles_of_tracks(("time", title, "person", "x", "y"))
+
+
+@pytest.mark.parametrize("title", ["tracked", "global", "local", "unique", "tracker_name", "target"])
+def test_other_words_beside_ids_are_no_ids(title):
+    with pytest.raises(ValueRuleError, match="no column for track_id"):
+        titles_of_tracks(("time", title, "x", "y"))
 
 
 def test_plain_titles_win_over_other_words():

@@ -25,20 +25,24 @@ NAMES = {
 }
 """Plain titles, also with a unit. Where one is there, other words for the same are not used."""
 
+_COLUMN = {"time": "time_s", "frame": "frame", "id": "track_id", "who": "track_id", "x": "x_m", "y": "y_m"}
+"""Quantity -> the column that a title with a word for it may be."""
+_SHOWN, _LONGEST = 3, 200
+
 LENGTHS = ("x_m", "y_m")
 REST = "rest_of_time"
 """Times in a part of a second beside those in seconds: the rest of a stamp, or the same times again."""
 PARTS = ("ms", "us", "ns")
 _SAY = {
-    "time": "t time times timestamp timestamps stamp datetime "
+    "time": "t time times timestamp timestamps stamp datetime clock "
     "zeit uhrzeit zeitstempel zeitpunkt temps horodatage heure tiempo hora tijd",
     "frame": "frame frames bild fotogramma fotograma trame",
     "id": "id ids uid pid identifier identity identifiant identificador identificativo kennung",
     "who": "track tracklet trajectory traj ped pedestrian person agent actor object obj subject human "
     "participant walker people name fussganger fussgaenger objekt personen pieton personne objet peaton "
     "persona objeto pedone oggetto voetganger persoon pessoa pedestre",
-    "x": "x easting rechtswert",
-    "y": "y northing hochwert",
+    "x": "x easting east rechtswert",
+    "y": "y northing north hochwert",
 }
 """Words of English, and of German, French, Spanish, Italian, Dutch and Portuguese, without accents."""
 _QUANTITY = {word: quantity for quantity, words in _SAY.items() for word in words.split()}
@@ -51,9 +55,10 @@ _FRAMES = {"world", "map", "local", "global", "ground", "utm", *_AXES} - {"x", "
 _BESIDE = {
     "number": "number no nr num index idx nummer numero",
     "place": "pos position coord coords coordinate coordinates location loc center centre centroid point "
-    "world map local global ground utm head pose est estimated filtered smoothed koordinate coordonnee "
-    "coordenada coordinata posicion posizione posicao",
-    "clock": "timestep simulation sim unix epoch ros elapsed relative absolute header date tv datum",
+    "world map local global ground utm head pose est estimated filt filtered smooth smoothed koordinate "
+    "coordonnee coordenada coordinata posicion posizione posicao",
+    "clock": "timestep simulation sim unix epoch ros utc gmt local elapsed relative absolute header date tv "
+    "datum",
 }
 _NUMBER, _PLACE, _CLOCK = (set(words.split()) for words in _BESIDE.values())
 _CLASS, _APART = (
@@ -87,8 +92,11 @@ Beside corners, x and y are something else.
 _CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
 _STEPS = {"step", "simulation", "sim"}
 _FILLERS = {"in"}
-_TAGS = {"tag", "tracker", "badge", "mac"}
-"""What people wear, or who tracks them: its number is their id where no title says more."""
+_OF_IDS = {"id", *_SAY["who"].split()} - {"name"}
+_TAGS = {"tag", "tracker", "badge", "mac", "device", "uuid", "guid", "entity", "user", "visitor", "customer"}
+"""What people wear or are, or who tracks them: its number is their id where no title says more."""
+_SORTS = {"unique", "global", "local", "tracked"}
+"""What may stand before an id, likewise."""
 _MINUTES = {"min", "mins", "minute", "minutes"}
 _LETTERS = {"m", "s"}  # no unit before another word without a sign between them
 _DEGREES = {"lon", "lat", "lng", "long", "longitude", "latitude", "deg", "degree", "degrees"}
@@ -266,7 +274,9 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
         meant |= {title: Meaning("track_id") for title, m in meant.items() if m.name == "person_id"}
     if not any(meaning.name == "track_id" for meaning in meant.values()):
         meant |= {
-            title: Meaning("track_id") for title in titles if _is_called(title, _TAGS, {"id", *_NUMBER})
+            title: Meaning("track_id")
+            for title in titles
+            if _is_called(title, _TAGS | _OF_IDS, _NUMBER | _SORTS)
         }
     clock = _clock(meant)
     of_people = _pairs_of_people(meant)
@@ -366,4 +376,17 @@ def _missing(name: str, titles: Sequence[str]) -> str:
     if name in LENGTHS and (degrees := [title for title in titles if _DEGREES & set(_words(title))]):
         return f"{rule}. {degrees[0]} is in degrees: project positions to metres first. There are {listed}"
     separators = worded("; commas, semicolons, tabs, | or blanks separate columns", "")
-    return f"{rule}. There are {listed}{separators}"
+    return f"{rule}. There are {listed}{separators}{_unclear(kinds, titles)}"
+
+
+def _unclear(names: Sequence[str], titles: Sequence[str]) -> str:
+    """Which titles have a word for one of these columns, and which unknown word; empty: none has."""
+    said = {quantity for quantity, name in _COLUMN.items() if name in names}
+    reasons = []
+    for title in titles:
+        words = _words(title)
+        others = [word for word in words if word not in _KNOWN]
+        if others and not said.isdisjoint(_QUANTITY.get(word) for word in words):
+            reasons.append(f"{title} because of {others[0]!r}")
+    shown = ", ".join(reasons[:_SHOWN])[:_LONGEST]
+    return f". Not used: {shown}" if shown else ""
