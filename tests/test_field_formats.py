@@ -134,6 +134,18 @@ def test_doubts_about_speeds_name_the_unit_of_the_format(tmp_path, monkeypatch, 
     assert "metres" not in said
 
 
+def test_rows_like_those_of_atc_in_metres_are_a_text(tmp_path):
+    """Also with its eight columns; nobody is higher than a few metres."""
+    path = write_atc(tmp_path)
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    metres = [[*row[:2], *(f"{float(value) / 1000:.4f}" for value in row[2:6]), *row[6:]] for row in rows]
+    wanted, found = (
+        read_file(path).trajectories,
+        read_file(lines(tmp_path / "metres.csv", *map(",".join, metres))),
+    )
+    np.testing.assert_allclose(found.trajectories.position, wanted.position, atol=1e-6)
+
+
 def test_a_drone_recording_with_another_name_is_told_what_it_lacks(tmp_path):
     path = write_drone(tmp_path)
     with pytest.raises(SourceError, match=r"walk\.csv.*name of this one.*NN_tracks\.csv"):

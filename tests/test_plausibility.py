@@ -1,5 +1,7 @@
 """Files that do not say what their columns and lengths are, read by how people move."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -233,6 +235,35 @@ def test_a_fourth_column_that_never_changes_is_asked_for(tmp_path):
     np.testing.assert_allclose(positions(read_file(path, named)), rows[order][:, 2:], atol=1e-5)
     path.write_text("\n".join(f"{frame:.0f} {who:.0f} {x} 2.0 1.7" for who, frame, x, _ in rows))
     assert len(read_file(path, TableOptions(rate_hz=RATE_HZ)).trajectories) == len(rows), "a narrow corridor"
+
+
+@pytest.mark.parametrize(
+    ("titles", "unit"), [("feet_x,feet_y", "ft"), ("CM.x,CM.y", "cm"), ("x_mm,y_mm", "mm")]
+)
+def test_metres_that_a_title_seems_to_call_otherwise_are_doubted(tmp_path, caplog, titles, unit):
+    """Such as those of feet, or of centres of mass."""
+    rows = crowd(2, 6, 60)
+    path = tmp_path / "hall.csv"
+    text = [f"{frame / RATE_HZ:.3f},{who:.0f},{x},{y}" for who, frame, x, y in rows]
+    path.write_text("\n".join([f"time,id,{titles}", *text]))
+    read_file(path)
+    assert re.search(rf"if lengths are {unit}, as titles.* in metres, that is [12]\.?\d* m/s", caplog.text)
+    caplog.clear()
+    path.write_text("\n".join(["time,id,x_m,y_m", *text]))
+    read_file(path)
+    assert "in metres" not in caplog.text
+
+
+def test_ids_that_jump_are_told_from_other_units(tmp_path):
+    """Where ids are places in a list, people walk half of the time."""
+    walk = [(k / 10, who, 5.0 * who + 0.13 * k, 3.0 * who) for k in range(60) for who in range(8)]
+    path = tmp_path / "hall.csv"
+    lists = [(t, (who + (k // 8) // 9) % 8, x, y) for k, (t, who, x, y) in enumerate(walk)]
+    path.write_text("\n".join(["time,id,x,y", *(",".join(map(str, row)) for row in lists)]))
+    with pytest.raises(
+        SourceError, match=r"at 1.3 m/s half of the time, as where ids jump.*correct these, ids"
+    ):
+        read_file(path)
 
 
 def test_jumps_and_running_are_warned_about(tmp_path, caplog):

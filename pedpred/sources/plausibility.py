@@ -134,6 +134,9 @@ def check_speeds(
         doubt = f": are lengths {likely} in place of {said or 'metres'}?"
     if usual_mps > FASTEST_MPS:
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), faster than people walk"
+        half_mps = float(np.median(speed_mps))
+        if _SLOWEST_MPS < half_mps <= _USUAL_MPS:
+            problem += f", and at {half_mps:.2g} m/s half of the time, as where ids jump from one to another"
         if not sure:
             raise SourceError(path, None, problem, _about_speeds(likely, said, fixed))
         _log.warning("%s: %s%s", path, problem, doubt)
@@ -147,6 +150,10 @@ def check_speeds(
             else f": say {_unit(likely)} if lengths are {likely}, or {_unit('m')}"
         )
         _log.warning("%s: people move at %s, which is running%s", path, speeds, ask)
+    elif said in UNITS and usual_mps < _WALK_MPS < usual_mps / UNITS[said] <= _USUAL_MPS:
+        text = "%s: nobody moves faster than %.2g m/s if lengths are %s, as titles or comments say; %s"
+        metres = f"in metres, that is {usual_mps / UNITS[said]:.2g} m/s: correct these if lengths are metres"
+        _log.warning(text, path, usual_mps, said, metres)
     elif usual_mps < _SLOWEST_MPS:
         text = "%s: nobody moves faster than %.2g m/s; are lengths %s, times seconds?"
         _log.warning(text, path, usual_mps, other or "metres")
@@ -171,7 +178,7 @@ def _about_speeds(likely: str, said: str | None, fixed: str | None) -> str:
     pixels = f"{worded('--scale', 'scale them')} if they are pixels"
     say = f"Say {_unit(likely)} if lengths are {likely}, {_unit('m')} if they are metres, {pixels}"
     columns = worded("--columns", "table.columns")
-    return f"{say}, or correct these, {rate}, {unit} or the order of {columns}"
+    return f"{say}, or correct these, ids, {rate}, {unit} or the order of {columns}"
 
 
 def _other_than_metres(fixed: str | None) -> str | None:
