@@ -36,7 +36,7 @@ from pedpred.sources.times import check_brief, check_clock, check_digits, doubt_
 from pedpred.sources.untitled import read_untitled
 from pedpred.sources.walls import Walls, occupancy_of
 from pedpred.tables.columnar import is_columnar
-from pedpred.tables.lines import has_header
+from pedpred.tables.lines import has_header, lines_of
 from pedpred.tables.options import TableOptions
 from pedpred.tables.placeholders import without_placeholders
 from pedpred.tables.reading import read_table
@@ -116,7 +116,7 @@ def format_of(path: Path, options: TableOptions | None = None) -> Format:
     """
     begins = Beginning.of(path)
     if is_columnar(path):
-        return _TABLE
+        return _DRONES if drones.are_titles(lines_of(path).titles) else _TABLE
     if begins.lines and options is not None and options.columns is not None:
         return _TABLE
     if recognised := next((kind for kind in FORMATS if kind.fits(begins)), None):
@@ -172,13 +172,14 @@ def checked_interval_s(
 _TEXT = Format("text without titles", lambda begins: False, read_untitled, unit=None, pixels=True)
 _TABLE = Format("table", lambda begins: False, read_table, unit=None, pixels=True)
 """What other texts are, with and without a header."""
+_DRONES = Format("drone recording (inD, rounD, uniD)", drones.fits, drones.read)
 
 FORMATS = (
     Format("JuPedSim database", jupedsim_database.fits, jupedsim_database.read, jupedsim_database.read_walls),
     Format("Pedestrian Dynamics Data Archive", data_archive.fits, data_archive.read, data_archive.read_walls),
     Format("SUMO FCD", sumo.fits, sumo.read),
     Format("Stanford Drone Dataset", stanford.fits, stanford.read, pixels=True),
-    Format("drone recording (inD, rounD, uniD)", drones.fits, drones.read),
+    _DRONES,
     Format("motion capture (THÖR, THÖR-MAGNI, QTM)", motion_capture.fits, motion_capture.read, unit="mm"),
     Format("Vadere", vadere.fits, vadere.read),
     Format("PTV Viswalk", viswalk.fits, viswalk.read, unit=None),
