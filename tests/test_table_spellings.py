@@ -128,6 +128,21 @@ def test_tables_of_parquet_and_arrow_are_those_of_csv(tmp_path, written_by, cloc
         read_file(path)
 
 
+@pytest.mark.parametrize("written_by", ["to_parquet", "to_feather"])
+def test_values_in_structures_of_parquet_and_arrow_are_columns(tmp_path, written_by):
+    """As messages of ROS are written."""
+    table = pd.DataFrame({"id": ROWS[:, 0].astype(int)})
+    table["header"] = [
+        {"stamp": {"sec": int(k // RATE_HZ), "nanosec": int(k % RATE_HZ * 1e8)}} for k in ROWS[:, 1]
+    ]
+    table["pose"] = [{"position": {"x": x, "y": y}, "covariance": [0.1]} for x, y in ROWS[:, 2:]]
+    getattr(table, written_by)(tmp_path / "walk")
+    assert_are_the_people(read_file(tmp_path / "walk").trajectories)
+    table.at[3, "pose"] = None  # noqa: PD008
+    getattr(table, written_by)(tmp_path / "walk")
+    assert len(read_file(tmp_path / "walk").trajectories) == len(ROWS) - 1
+
+
 @pytest.mark.parametrize("text_of", [str, lambda span: str(span.to_pytimedelta())])
 def test_spans_of_time_go_on_beyond_a_day(tmp_path, text_of):
     start = pd.Timedelta(hours=23, minutes=59, seconds=59)
