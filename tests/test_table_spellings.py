@@ -138,7 +138,7 @@ def test_values_in_structures_of_parquet_and_arrow_are_columns(tmp_path, written
     table["pose"] = [{"position": {"x": x, "y": y}, "covariance": [0.1]} for x, y in ROWS[:, 2:]]
     getattr(table, written_by)(tmp_path / "walk")
     assert_are_the_people(read_file(tmp_path / "walk").trajectories)
-    table.at[3, "pose"] = None  # noqa: PD008
+    table.at[3, "pose"] = None
     getattr(table, written_by)(tmp_path / "walk")
     assert len(read_file(tmp_path / "walk").trajectories) == len(ROWS) - 1
 

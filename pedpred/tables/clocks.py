@@ -8,12 +8,13 @@ import numpy as np
 
 from pedpred.errors import SourceError, worded
 from pedpred.scenes.scene import LATEST_S
-from pedpred.tables.titles import REST
+from pedpred.tables.titles import LARGER, REST
 from pedpred.tables.units import PER_SECOND
 from pedpred.tables.wraps import unwrapped
 
 _PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
 _LONG_AGO_S = 1e8  # Unix times are later
+_PER_LARGER = 60  # minutes, and more than hours
 
 
 def other_times() -> str:
@@ -44,6 +45,24 @@ def add_rest(columns: dict[str, np.ndarray], unit: str | None) -> bool:
         columns["time_s"] = rest_s
     else:
         return False
+    return True
+
+
+def add_larger(columns: dict[str, np.ndarray]) -> bool:
+    """Add minutes and hours to seconds that begin again with each of them.
+
+    Args:
+        columns: with `time_s`, s, and `minute`, perhaps `hour`, which are removed.
+
+    Returns:
+        Whether they are used: not where seconds go on beyond a minute.
+    """
+    parts = {name: columns.pop(name) for name in LARGER if name in columns}
+    whole = [(part >= 0) & (part < _PER_LARGER) & (part == np.floor(part)) for part in parts.values()]
+    begins = (columns["time_s"] >= 0) & (columns["time_s"] < LARGER["minute"])
+    if "minute" not in parts or not np.logical_and.reduce([begins, *whole]).all():
+        return False
+    columns["time_s"] = columns["time_s"] + sum(LARGER[name] * part for name, part in parts.items())
     return True
 
 

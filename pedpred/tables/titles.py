@@ -32,6 +32,8 @@ _SHOWN, _LONGEST = 3, 200
 LENGTHS = ("x_m", "y_m")
 REST = "rest_of_time"
 """Times in a part of a second beside those in seconds: the rest of a stamp, or the same times again."""
+LARGER = {"minute": 60, "hour": 3600}
+"""Names of columns beside one of seconds, which count minutes and hours: how many seconds each has."""
 PARTS = ("ms", "us", "ns")
 _SAY = {
     "time": "t time times timestamp timestamps stamp datetime clock "
@@ -98,6 +100,7 @@ _TAGS = {"tag", "tracker", "badge", "mac", "device", "uuid", "guid", "entity", "
 _SORTS = {"unique", "global", "local", "tracked"}
 """What may stand before an id, likewise."""
 _MINUTES = {"min", "mins", "minute", "minutes"}
+_HOURS = {"h", "hr", "hrs", "hour", "hours"}
 _LETTERS = {"m", "s"}  # no unit before another word without a sign between them
 _DEGREES = {"lon", "lat", "lng", "long", "longitude", "latitude", "deg", "degree", "degrees"}
 _KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *_STEPS, *LENGTH_WORDS, *TIME_WORDS, *_FILLERS}
@@ -159,12 +162,15 @@ def columns_of_classes(titles: Sequence[str]) -> list[str]:
 
 def columns_of_recordings(titles: Sequence[str]) -> list[str]:
     """Titles of columns that may say in which recording, on which floor, or in which minute, people are."""
-    clock = _clock({title: meaning for title in titles if (meaning := meaning_of(title))})
+    clock = _clock(meant := {title: meaning for title in titles if (meaning := meaning_of(title))})
     minutes = _MINUTES if clock == ("time_s", "s") else ()
+    clocks = {title: m.name for title, m in meant.items() if (m.name, m.unit or "s") == clock}
+    parts = _larger_parts(titles, clocks)
     return [
         title
         for title in titles
-        if _is_called(title, _APART, _NUMBER | {"id", "name", "path"}) or title.strip().lower() in minutes
+        if title not in parts
+        and (_is_called(title, _APART, _NUMBER | {"id", "name", "path"}) or title.strip().lower() in minutes)
     ]
 
 
@@ -296,7 +302,7 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
             raise ValueRuleError("columns", titles, rule)
         wanted |= dict.fromkeys(candidates, name)
     if clock == ("time_s", "s"):
-        wanted |= dict.fromkeys(_rest_of_stamp(meant), REST)
+        wanted |= dict.fromkeys(_rest_of_stamp(meant), REST) | _larger_parts(titles, wanted)
     for name in (clock[0], "track_id", *LENGTHS):
         if name not in wanted.values():
             raise ValueRuleError("columns", titles, _missing(name, titles))
@@ -366,6 +372,19 @@ def _rest_of_stamp(meant: dict[str, Meaning]) -> list[str]:
     """The only column of times in a part of a second beside one in seconds."""
     units = [(title, m.unit) for title, m in meant.items() if m.name == "time_s" and m.unit in PARTS]
     return [title for title, _ in units] if len(units) == 1 else []
+
+
+def _larger_parts(titles: Sequence[str], wanted: Mapping[str, str]) -> dict[str, str]:
+    """Title -> name of the columns of minutes, and then of hours, beside one that is called seconds."""
+    if not any(name == "time_s" and set(_words(title)) <= set(TIME_WORDS) for title, name in wanted.items()):
+        return {}
+    parts: dict[str, str] = {}
+    for name, words in zip(LARGER, (_MINUTES, _HOURS), strict=True):
+        called = [title for title in titles if title not in wanted and title.strip().lower() in words]
+        if len(called) != 1:
+            break
+        parts[called[0]] = name
+    return parts
 
 
 def _missing(name: str, titles: Sequence[str]) -> str:
