@@ -390,6 +390,20 @@ def test_two_parts_of_a_stamp_are_one_time(titles, digits, start_s, tmp_path, pl
     np.testing.assert_allclose(found.time_s, plain.time_s + start_s, atol=1e-6)
 
 
+@pytest.mark.parametrize(("title", "digits"), [("time", 0), ("time_ms", 3), ("time", 3), ("timestamp_us", 6)])
+def test_dates_in_one_number_are_named(tmp_path, title, digits):
+    """They are no milliseconds, in which minutes would have 100 s."""
+    start = datetime(2024, 3, 5, 14, 2, 58, tzinfo=UTC)
+
+    def written(t):
+        stamp = f"{start + timedelta(seconds=t):%Y%m%d%H%M%S%f}"
+        return stamp[: 14 + digits] if digits else f"{stamp[:14]}.{stamp[14:]}"
+
+    path = write(tmp_path, [f"{title},id,x,y"], [(written(t), *row) for t, *row in WALK])
+    with pytest.raises(SourceError, match=r"a date and a time of day in one number.*2024-03-05 14:02:07\.5"):
+        tracks(path)
+
+
 @pytest.mark.parametrize(
     ("titles", "start_s"),
     [

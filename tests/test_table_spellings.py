@@ -243,6 +243,7 @@ def test_other_words_make_other_columns(title):
         ("time,id,x,y_ft", "column y_ft has the unit ft, column x has none.*--unit"),
         ("time [h],id,x,y", r"no column for time_s.*Not used: time \[h\] because of 'h'"),
         ("time,id,x [km],y [km]", r"no column for x_m.*Not used: x \[km\] because of 'km'"),
+        ("time,x,y", "no column for track_id.*if all rows are about one person, add a column id"),
         ("time,target_id,x,y", "no column for track_id.*Not used: target_id because of 'target'"),
         ("time,global_id,track_uuid,x,y", "columns global_id and track_uuid are both track_id"),
     ],

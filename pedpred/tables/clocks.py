@@ -8,11 +8,13 @@ import numpy as np
 
 from pedpred.errors import SourceError, worded
 from pedpred.scenes.scene import LATEST_S
+from pedpred.tables.text import AS_TIMES
 from pedpred.tables.titles import LARGER, REST
 from pedpred.tables.units import PER_SECOND
 from pedpred.tables.wraps import unwrapped
 
 _PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
+_DATE_DIGITS, _CENTURIES = (14, 17, 20), ("19", "20")
 _LONG_AGO_S = 1e8  # Unix times are later
 _PER_LARGER = 60  # minutes, and more than hours
 
@@ -90,7 +92,20 @@ def set_time(path: Path, columns: dict[str, np.ndarray], unit: str | None, rate_
         columns["time_s"] = columns["time_s"] / PER_SECOND[unit]
     largest = np.abs(columns["time_s"]).max(initial=0.0)
     if largest >= LATEST_S:
+        written = largest * (PER_SECOND[unit or "s"] if clock == "time_s" else rate_hz or 1.0)
+        if _is_date(written):
+            problem = f"the time {written:.0f} looks like a date and a time of day in one number"
+            raise SourceError(path, None, problem, AS_TIMES)
         looks = next(
             (unit for unit, parts in _PARTS.items() if largest >= _LONG_AGO_S * parts), "milliseconds"
         )
         raise SourceError(path, None, f"the time {largest:.10g} looks like {looks}", other_times())
+
+
+def _is_date(number: float) -> bool:
+    """Whether the digits of a number are a date and a time, such as 20240305140207, perhaps with parts of s."""
+    digits = f"{number:.0f}"
+    if len(digits) not in _DATE_DIGITS or digits[:2] not in _CENTURIES:
+        return False
+    month, day, hour, minute, second = (int(digits[at : at + 2]) for at in range(4, 14, 2))
+    return 1 <= month <= 12 and 1 <= day <= 31 and hour < 24 and max(minute, second) < 60

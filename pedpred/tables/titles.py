@@ -394,8 +394,9 @@ def _missing(name: str, titles: Sequence[str]) -> str:
     listed = " | ".join(titles)[:200]
     if name in LENGTHS and (degrees := [title for title in titles if _DEGREES & set(_words(title))]):
         return f"{rule}. {degrees[0]} is in degrees: project positions to metres first. There are {listed}"
+    one = " (if all rows are about one person, add a column id)" if name == "track_id" else ""
     separators = worded("; commas, semicolons, tabs, | or blanks separate columns", "")
-    return f"{rule}. There are {listed}{separators}{_unclear(kinds, titles)}"
+    return f"{rule}{one}. There are {listed}{separators}{_unclear(kinds, titles)}"
 
 
 def _unclear(names: Sequence[str], titles: Sequence[str]) -> str:
