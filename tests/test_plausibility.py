@@ -254,6 +254,19 @@ def test_metres_that_a_title_seems_to_call_otherwise_are_doubted(tmp_path, caplo
     assert "in metres" not in caplog.text
 
 
+@pytest.mark.parametrize("counted", ["from the first of all", "from the first of each"])
+def test_times_that_are_counted_for_each_person_are_doubted(tmp_path, caplog, counted):
+    """People enter by one door, one after the other."""
+    walk = [(k / 10, who, 0.12 * k, 0.02 * who) for who in range(5) for k in range(60)]
+    after_s = 3.0 if counted == "from the first of all" else 0.0
+    path = tmp_path / "hall.csv"
+    rows = [f"{t + after_s * who:.2f},{who},{x},{y}" for t, who, x, y in walk]
+    path.write_text("\n".join(["time,id,x,y", *rows]))
+    read_file(path)
+    doubted = "all 5 tracks begin at 0 s, and people are" in caplog.text
+    assert doubted is (after_s == 0.0)
+
+
 def test_ids_that_jump_are_told_from_other_units(tmp_path):
     """Where ids are places in a list, people walk half of the time."""
     walk = [(k / 10, who, 5.0 * who + 0.13 * k, 3.0 * who) for k in range(60) for who in range(8)]

@@ -37,7 +37,9 @@ _DEGREES_PER_S = 2e-4
 """Longitude and latitude of people who walk change by less, degrees/s."""
 _REGULAR, _IRREGULAR = 1e-3, 0.1
 """A clock's steps differ by less than the first share of their median, others by more than the second."""
-_FEWEST_STEPS = 5
+_FEWEST_STEPS, _FEWEST_TRACKS = 5, 3
+_BODY_M = 0.25
+"""Two people are not in the same square of this side."""
 _MOST_ROWS, _BLOCK_ROWS = 2**18, 2**16
 """How many rows are looked at for their titles, and how many at once for speeds, which bounds the memory."""
 _SPAN_S = 0.4
@@ -225,6 +227,26 @@ def doubt_fractions(path: Path, people: Trajectories) -> None:
         text = "%s: all positions lie from 0 to 1: are they parts of a picture's width and height? %s"
         remedy = worded("make pixels of them, and give --scale or --homography", "bring them to metres first")
         _log.warning(text, path, f"Then {remedy}")
+
+
+def doubt_starts(path: Path, people: Trajectories) -> None:
+    """Warn if all tracks begin at one time, and people are where others are at that time.
+
+    This is so where times are counted from the first detection of each person.
+
+    Args:
+        path: the file, for messages.
+        people: what was read from it.
+    """
+    people = _begin_of(people)
+    ids, first = np.unique(people.track_id, return_index=True)  # rows are in order of time
+    if len(ids) < _FEWEST_TRACKS or np.ptp(people.time_s[first]):
+        return
+    places = np.column_stack([people.time_s, np.floor(people.position / _BODY_M)])
+    if together := len(places) - len(np.unique(places, axis=0)):
+        text = "%s: all %d tracks begin at %.10g s, and people are %d times where another person is: %s"
+        ask = "are times counted from the first detection of each person? Then add these first times"
+        _log.warning(text, path, len(ids), people.time_s[0], together, ask)
 
 
 def doubt_rate(path: Path, people: Trajectories, rate_hz: float, by_caller: bool) -> None:

@@ -31,6 +31,7 @@ from pedpred.sources.plausibility import (
     check_titles,
     doubt_fractions,
     doubt_rate,
+    doubt_starts,
 )
 from pedpred.sources.times import check_brief, check_clock, check_digits, doubt_whole_seconds
 from pedpred.sources.untitled import read_untitled
@@ -164,6 +165,7 @@ def checked_interval_s(
     if not sure:
         check_brief(path, people)
     check_speeds(path, people, sure, fixed=fixed, said=said)
+    doubt_starts(path, people)
     if options.found.rate_hz is not None:
         doubt_rate(path, people, options.found.rate_hz, options.rate_hz is not None)
     return dt_s

@@ -103,7 +103,7 @@ def set_time(path: Path, columns: dict[str, np.ndarray], unit: str | None, rate_
 
 
 def _is_date(number: float) -> bool:
-    """Whether the digits of a number are a date and a time, such as 20240305140207, perhaps with parts of s."""
+    """Whether the digits of a number are a date and a time, such as 20240305140207 or finer ones."""
     digits = f"{number:.0f}"
     if len(digits) not in _DATE_DIGITS or digits[:2] not in _CENTURIES:
         return False
