@@ -267,6 +267,30 @@ def test_times_that_are_counted_for_each_person_are_doubted(tmp_path, caplog, co
     assert doubted is (after_s == 0.0)
 
 
+@pytest.mark.parametrize(
+    ("lost", "named"),
+    [
+        (lambda x, y: (x, np.float32(y + 5_412_345)), "all y are multiples of 0.5 m"),
+        (lambda x, y: (np.round(4 * x) / 4, y), "all x are multiples of 0.25 m"),
+        (lambda x, y: (x, 2.0), "multiples"),
+        (lambda x, y: (round(x, 2), round(y, 1)), "multiples"),
+    ],
+)
+def test_positions_that_have_lost_their_digits_are_doubted(tmp_path, caplog, lost, named):
+    rows = crowd(2, 8, 100, noise_m=0.0)
+    path = tmp_path / "hall.csv"
+    lines = []
+    for who, frame, x, y in rows:
+        places = ",".join(f"{float(value):.4f}" for value in lost(x, y))
+        lines.append(f"{frame / RATE_HZ:.3f},{who:.0f},{places}")
+    path.write_text("\n".join(["time,id,x,y", *lines]))
+    read_file(path)
+    assert (named in caplog.text) is named.startswith("all")
+    caplog.clear()
+    read_file(path, TableOptions(unit="m"))
+    assert "multiples" not in caplog.text
+
+
 def test_ids_that_jump_are_told_from_other_units(tmp_path):
     """Where ids are places in a list, people walk half of the time."""
     walk = [(k / 10, who, 5.0 * who + 0.13 * k, 3.0 * who) for k in range(60) for who in range(8)]

@@ -24,14 +24,12 @@ from pedpred.sources import (
     viswalk,
 )
 from pedpred.sources.beginnings import Beginning
+from pedpred.sources.doubts import doubt_digits, doubt_fractions, doubt_rate, doubt_starts
 from pedpred.sources.geometries import CELL_M, WALL_M
 from pedpred.sources.plausibility import (
     check_degrees,
     check_speeds,
     check_titles,
-    doubt_fractions,
-    doubt_rate,
-    doubt_starts,
 )
 from pedpred.sources.times import check_brief, check_clock, check_digits, doubt_whole_seconds
 from pedpred.sources.untitled import read_untitled
@@ -166,6 +164,8 @@ def checked_interval_s(
         check_brief(path, people)
     check_speeds(path, people, sure, fixed=fixed, said=said)
     doubt_starts(path, people)
+    if not sure:
+        doubt_digits(path, people)
     if options.found.rate_hz is not None:
         doubt_rate(path, people, options.found.rate_hz, options.rate_hz is not None)
     return dt_s
