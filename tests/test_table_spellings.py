@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from pedpred.command import main
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.sources.single_file import read_file
+from pedpred.tables.lines import titles_in
 from pedpred.tables.options import TableOptions
 from pedpred.tables.titles import meaning_of, titles_of_tracks
 from pedpred.tables.units import PER_SECOND, UNITS
@@ -176,12 +177,13 @@ def test_spans_of_time_go_on_beyond_a_day(tmp_path, text_of):
         ("tijd, voetganger, x, y", "time_s track_id x_m y_m"),
         ("date_time_utc, object, x_pos, y_pos", "time_s track_id x_m y_m"),
         ("Timestamp (UTC), person, East, North", "time_s track_id x_m y_m"),
+        ("timeStep, pedestrianId, x-PID2, y-PID2", "frame track_id x_m y_m"),
         ("Clock, Agent Name, x_filt, y_filt", "time_s track_id x_m y_m"),
         ("local_time, ped, east_m, north_m", "time_s track_id x_m m y_m m"),
     ],
 )
 def test_titles_may_be_those_of_other_languages(titles, meant):
-    found = [meaning_of(title) for title in titles.split(", ")]
+    found = [meaning_of(title) for title in titles_in(titles)]
     words = [word for one in found if one for word in (one.name, one.unit) if word]
     assert " ".join(words) == meant
 
@@ -273,6 +275,7 @@ def test_plain_titles_win_over_other_words():
     assert "world_x" not in titles_of_tracks(("time", "id", "x", "y", "world_x"))
     assert titles_of_tracks(("frame", "time [ms]", "person_id", "x", "y"))["person_id"] == "track_id"
     assert titles_of_tracks(("time", "id", "person_id", "x", "y"))["person_id"] == "person_id"
+    assert titles_of_tracks(("time", "Person Name", "Object ID", "x", "y"))["Object ID"] == "track_id"
     assert "frame" not in titles_of_tracks(("frame", "time [ms]", "id", "x", "y"))
 
 

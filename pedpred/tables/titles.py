@@ -108,6 +108,7 @@ _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]+")
 _SIGN = re.compile(r"[^\w\s\-./()\[\]{}:,#]")
 """Signs that change what a title means, such as those of inches and degrees."""
 _INCHES = re.compile(r"[(\[{]\s*in\s*[)\]}]", re.IGNORECASE)
+_PROCESSOR = re.compile(r"-PID\d+$")
 _FIELD, _UNNAMED = "field.", re.compile(r"Unnamed: \d+_level_\d+")
 _SHORTEST_ALONE = 3
 """A unit of time may stand alone in a title (`sec`), but no letter or two (`s`), which may mean anything."""
@@ -249,10 +250,11 @@ def joined_titles(levels: Sequence[Sequence[str]]) -> list[str]:
 
 
 def titles_of_fields(titles: Sequence[str]) -> list[str]:
-    """Titles without what `rostopic echo -p` writes before those of a message's fields; its stamps are ns."""
-    first, others = list(titles[:1]), titles[1:]
+    """Titles without what Vadere and `rostopic echo -p` write around fields; stamps of ROS are ns."""
+    titles = [_PROCESSOR.sub("", title) for title in titles]
+    first, others = titles[:1], titles[1:]
     if first != ["time"] or not others or not all(title.startswith(_FIELD) for title in others):
-        return list(titles)
+        return titles
     fields = (title.removeprefix(_FIELD) for title in others)
     return ["time [ns]", *(f"{title} [ns]" if title.endswith("stamp") else title for title in fields)]
 
@@ -295,6 +297,7 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
             lambda title: meant[title].unit != PIXELS,
             lambda title: title in of_people,
             lambda title: meant[title].plain,
+            lambda title: "name" not in _words(title),
         ):
             candidates = [title for title in candidates if preferred(title)] or candidates
         if len(candidates) > 1:
