@@ -291,6 +291,30 @@ def test_positions_that_have_lost_their_digits_are_doubted(tmp_path, caplog, los
     assert "multiples" not in caplog.text
 
 
+def test_positions_relative_to_the_first_of_each_person_are_doubted(tmp_path, caplog):
+    rows = crowd(2, 6, 60)
+    first = {who: np.array([x, y]) for who, _, x, y in rows[::-1]}
+    path = tmp_path / "hall.csv"
+    for start, doubted in ((first, True), (dict.fromkeys(first, np.zeros(2)), False)):
+        text = [
+            f"{frame / RATE_HZ},{who},{x - start[who][0]},{y - start[who][1]}" for who, frame, x, y in rows
+        ]
+        path.write_text("\n".join(["time,id,x,y", *text]))
+        caplog.clear()
+        read_file(path)
+        assert ("all 6 tracks begin at (0, 0)" in caplog.text) is doubted
+
+
+def test_people_who_all_creep_are_doubted(tmp_path, caplog):
+    """As with times in tenths of seconds, or a rate that is too low."""
+    rows = crowd(2, 6, 60, 10)
+    path = write(tmp_path / "hall.txt", rows)
+    read_file(path, TableOptions(rate_hz=RATE_HZ))
+    assert "nobody moves" not in caplog.text
+    read_file(path, TableOptions(rate_hz=RATE_HZ / 9))
+    assert "nobody moves faster than 0.1" in caplog.text
+
+
 def test_ids_that_jump_are_told_from_other_units(tmp_path):
     """Where ids are places in a list, people walk half of the time."""
     walk = [(k / 10, who, 5.0 * who + 0.13 * k, 3.0 * who) for k in range(60) for who in range(8)]

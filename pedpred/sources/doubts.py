@@ -36,9 +36,9 @@ def doubt_fractions(path: Path, people: Trajectories) -> None:
 
 
 def doubt_starts(path: Path, people: Trajectories) -> None:
-    """Warn if all tracks begin at one time, and people are where others are at that time.
+    """Warn if all tracks begin at the origin, or at one time and people are where others are at that time.
 
-    This is so where times are counted from the first detection of each person.
+    This is so where positions or times are relative to the first detection of each person.
 
     Args:
         path: the file, for messages.
@@ -46,7 +46,12 @@ def doubt_starts(path: Path, people: Trajectories) -> None:
     """
     people = begin_of(people)
     ids, first = np.unique(people.track_id, return_index=True)  # rows are in order of time
-    if len(ids) < _FEWEST_TRACKS or np.ptp(people.time_s[first]):
+    if len(ids) < _FEWEST_TRACKS:
+        return
+    if not people.position[first].any():
+        text = "%s: all %d tracks begin at (0, 0): are positions relative to the first one of each person?"
+        _log.warning(text, path, len(ids))
+    if np.ptp(people.time_s[first]):
         return
     places = np.column_stack([people.time_s, np.floor(people.position / _BODY_M)])
     if together := len(places) - len(np.unique(places, axis=0)):

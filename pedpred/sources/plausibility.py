@@ -25,7 +25,7 @@ _LONG_PERCENT = 95
 """Of steps; longer ones may be gaps in tracks."""
 _FAR = 4.0
 """Of tracks that are too fast, steps must be shorter by this factor."""
-_JUMP_MPS, _SLOWEST_MPS = 12.0, 0.05
+_JUMP_MPS, _SLOWEST_MPS = 12.0, 0.2
 """Nobody runs as fast as the first. Walkers exceed a speed between the others in 1 % of the time."""
 WALK_MPS = 0.5
 """Walkers exceed it."""
