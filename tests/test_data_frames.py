@@ -16,7 +16,7 @@ from pedpred.command.forecast_tables import COLUMNS
 from pedpred.command.foreign import read_forecasts
 from pedpred.errors import FileError, SourceError, ValueRuleError, worded
 from pedpred.scenes import OccupancyMap
-from pedpred.sources import plausibility, times
+from pedpred.sources import doubts, plausibility, times
 from pedpred.storage.scenes import write_map
 
 WALKS = pd.DataFrame(
@@ -226,7 +226,12 @@ def test_a_warning_is_one_for_a_table(change, arguments, said, caplog):
 def test_every_message_about_a_table_has_words_for_python():
     """Options of the command stand in the first words of a choice, whose second ones have none."""
     of_files = {"comments.py", "lines.py"}  # what only texts have
-    modules = [*Path(tables.__path__[0]).glob("*.py"), Path(plausibility.__file__), Path(times.__file__)]
+    modules = [
+        *Path(tables.__path__[0]).glob("*.py"),
+        Path(plausibility.__file__),
+        Path(doubts.__file__),
+        Path(times.__file__),
+    ]
     for module in [module for module in modules if module.name not in of_files]:
         tree = ast.parse(module.read_text(encoding="utf-8"))
         calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]

@@ -5,6 +5,7 @@ import sqlite3
 
 import h5py
 import numpy as np
+import pandas as pd
 import pedpy
 import pytest
 
@@ -132,6 +133,18 @@ def test_doubts_about_speeds_name_the_unit_of_the_format(tmp_path, monkeypatch, 
     said = doubt_of(path, caplog)
     assert re.search(named, said)
     assert "metres" not in said
+
+
+def test_rows_like_those_of_atc_in_metres_are_a_text(tmp_path):
+    """Also with its eight columns; nobody is higher than a few metres."""
+    path = write_atc(tmp_path)
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    metres = [[*row[:2], *(f"{float(value) / 1000:.4f}" for value in row[2:6]), *row[6:]] for row in rows]
+    wanted, found = (
+        read_file(path).trajectories,
+        read_file(lines(tmp_path / "metres.csv", *map(",".join, metres))),
+    )
+    np.testing.assert_allclose(found.trajectories.position, wanted.position, atol=1e-6)
 
 
 def test_a_drone_recording_with_another_name_is_told_what_it_lacks(tmp_path):
@@ -485,6 +498,24 @@ def test_longitude_and_latitude_are_not_metres(tmp_path):
     path.write_text(path.read_text().replace('.00" angle', '.00001" angle'))
     with pytest.raises(SourceError, match=r"longitude.*fcd-output\.geo"):
         read_file(path)
+
+
+@pytest.mark.parametrize("form", ["quotes", "semicolons", "parquet"])
+def test_cars_of_a_drone_recording_in_another_spelling_are_no_people(tmp_path, form):
+    path = write_drone(tmp_path)
+    wanted = read_file(path).trajectories
+    if form == "parquet":
+        pd.read_csv(path).to_parquet(path := path.with_suffix(".parquet"))
+    for file in tmp_path.glob("*.csv"):
+        text = file.read_text()
+        if form == "semicolons":
+            file.write_text(text.replace(",", ";").replace(".", ","))
+        elif form == "quotes":
+            file.write_text(re.sub(r"[^,\n]+", r'"\g<0>"', text))
+    found = read_file(path).trajectories
+    np.testing.assert_array_equal(found.track_id, wanted.track_id)
+    np.testing.assert_array_equal(found.time_s, wanted.time_s)
+    np.testing.assert_allclose(found.position, wanted.position, atol=1e-6)
 
 
 def test_the_files_of_a_drone_recording_lie_together(tmp_path):

@@ -1,5 +1,7 @@
 """Files that do not say what their columns and lengths are, read by how people move."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -233,6 +235,96 @@ def test_a_fourth_column_that_never_changes_is_asked_for(tmp_path):
     np.testing.assert_allclose(positions(read_file(path, named)), rows[order][:, 2:], atol=1e-5)
     path.write_text("\n".join(f"{frame:.0f} {who:.0f} {x} 2.0 1.7" for who, frame, x, _ in rows))
     assert len(read_file(path, TableOptions(rate_hz=RATE_HZ)).trajectories) == len(rows), "a narrow corridor"
+
+
+@pytest.mark.parametrize(
+    ("titles", "unit"), [("feet_x,feet_y", "ft"), ("CM.x,CM.y", "cm"), ("x_mm,y_mm", "mm")]
+)
+def test_metres_that_a_title_seems_to_call_otherwise_are_doubted(tmp_path, caplog, titles, unit):
+    """Such as those of feet, or of centres of mass."""
+    rows = crowd(2, 6, 60)
+    path = tmp_path / "hall.csv"
+    text = [f"{frame / RATE_HZ:.3f},{who:.0f},{x},{y}" for who, frame, x, y in rows]
+    path.write_text("\n".join([f"time,id,{titles}", *text]))
+    read_file(path)
+    assert re.search(rf"if lengths are {unit}, as titles.* in metres, that is [12]\.?\d* m/s", caplog.text)
+    caplog.clear()
+    path.write_text("\n".join(["time,id,x_m,y_m", *text]))
+    read_file(path)
+    assert "in metres" not in caplog.text
+
+
+@pytest.mark.parametrize("counted", ["from the first of all", "from the first of each"])
+def test_times_that_are_counted_for_each_person_are_doubted(tmp_path, caplog, counted):
+    """People enter by one door, one after the other."""
+    walk = [(k / 10, who, 0.12 * k, 0.02 * who) for who in range(5) for k in range(60)]
+    after_s = 3.0 if counted == "from the first of all" else 0.0
+    path = tmp_path / "hall.csv"
+    rows = [f"{t + after_s * who:.2f},{who},{x},{y}" for t, who, x, y in walk]
+    path.write_text("\n".join(["time,id,x,y", *rows]))
+    read_file(path)
+    doubted = "all 5 tracks begin at 0 s, and people are" in caplog.text
+    assert doubted is (after_s == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("lost", "named"),
+    [
+        (lambda x, y: (x, np.float32(y + 5_412_345)), "all y are multiples of 0.5 m"),
+        (lambda x, y: (np.round(4 * x) / 4, y), "all x are multiples of 0.25 m"),
+        (lambda x, y: (x, 2.0), "multiples"),
+        (lambda x, y: (round(x, 2), round(y, 1)), "multiples"),
+    ],
+)
+def test_positions_that_have_lost_their_digits_are_doubted(tmp_path, caplog, lost, named):
+    rows = crowd(2, 8, 100, noise_m=0.0)
+    path = tmp_path / "hall.csv"
+    lines = []
+    for who, frame, x, y in rows:
+        places = ",".join(f"{float(value):.4f}" for value in lost(x, y))
+        lines.append(f"{frame / RATE_HZ:.3f},{who:.0f},{places}")
+    path.write_text("\n".join(["time,id,x,y", *lines]))
+    read_file(path)
+    assert (named in caplog.text) is named.startswith("all")
+    caplog.clear()
+    read_file(path, TableOptions(unit="m"))
+    assert "multiples" not in caplog.text
+
+
+def test_positions_relative_to_the_first_of_each_person_are_doubted(tmp_path, caplog):
+    rows = crowd(2, 6, 60)
+    first = {who: np.array([x, y]) for who, _, x, y in rows[::-1]}
+    path = tmp_path / "hall.csv"
+    for start, doubted in ((first, True), (dict.fromkeys(first, np.zeros(2)), False)):
+        text = [
+            f"{frame / RATE_HZ},{who},{x - start[who][0]},{y - start[who][1]}" for who, frame, x, y in rows
+        ]
+        path.write_text("\n".join(["time,id,x,y", *text]))
+        caplog.clear()
+        read_file(path)
+        assert ("all 6 tracks begin at (0, 0)" in caplog.text) is doubted
+
+
+def test_people_who_all_creep_are_doubted(tmp_path, caplog):
+    """As with times in tenths of seconds, or a rate that is too low."""
+    rows = crowd(2, 6, 60, 10)
+    path = write(tmp_path / "hall.txt", rows)
+    read_file(path, TableOptions(rate_hz=RATE_HZ))
+    assert "nobody moves" not in caplog.text
+    read_file(path, TableOptions(rate_hz=RATE_HZ / 9))
+    assert "nobody moves faster than 0.1" in caplog.text
+
+
+def test_ids_that_jump_are_told_from_other_units(tmp_path):
+    """Where ids are places in a list, people walk half of the time."""
+    walk = [(k / 10, who, 5.0 * who + 0.13 * k, 3.0 * who) for k in range(60) for who in range(8)]
+    path = tmp_path / "hall.csv"
+    lists = [(t, (who + (k // 8) // 9) % 8, x, y) for k, (t, who, x, y) in enumerate(walk)]
+    path.write_text("\n".join(["time,id,x,y", *(",".join(map(str, row)) for row in lists)]))
+    with pytest.raises(
+        SourceError, match=r"at 1.3 m/s half of the time, as where ids jump.*correct these, ids"
+    ):
+        read_file(path)
 
 
 def test_jumps_and_running_are_warned_about(tmp_path, caplog):

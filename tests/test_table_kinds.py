@@ -390,6 +390,50 @@ def test_two_parts_of_a_stamp_are_one_time(titles, digits, start_s, tmp_path, pl
     np.testing.assert_allclose(found.time_s, plain.time_s + start_s, atol=1e-6)
 
 
+@pytest.mark.parametrize(("title", "digits"), [("time", 0), ("time_ms", 3), ("time", 3), ("timestamp_us", 6)])
+def test_dates_in_one_number_are_named(tmp_path, title, digits):
+    """They are no milliseconds, in which minutes would have 100 s."""
+    start = datetime(2024, 3, 5, 14, 2, 58, tzinfo=UTC)
+
+    def written(t):
+        stamp = f"{start + timedelta(seconds=t):%Y%m%d%H%M%S%f}"
+        return stamp[: 14 + digits] if digits else f"{stamp[:14]}.{stamp[14:]}"
+
+    path = write(tmp_path, [f"{title},id,x,y"], [(written(t), *row) for t, *row in WALK])
+    with pytest.raises(SourceError, match=r"a date and a time of day in one number.*2024-03-05 14:02:07\.5"):
+        tracks(path)
+
+
+@pytest.mark.parametrize(
+    ("titles", "start_s"),
+    [
+        ("hour,minute,second", 3599),
+        ("Hours,Minutes,Seconds", 86398),
+        ("min,sec", 59),
+        ("minute,sec,nanosec", 1798),
+    ],
+)
+def test_hours_minutes_and_seconds_in_columns_are_one_time(titles, start_s, tmp_path, plain, caplog):
+    """Also at midnight."""
+
+    def parts(t):
+        minutes, seconds = divmod(start_s + t, 60)
+        hours = [int(minutes) // 60 % 24] if "our" in titles else []
+        whole = [int(seconds), round(seconds % 1 * 1e9)] if "nano" in titles else [f"{seconds:06.3f}"]
+        return *hours, f"{int(minutes) % 60:02}", *whole
+
+    found = tracks(write(tmp_path, [f"{titles},id,x,y"], [(*parts(t), *row) for t, *row in WALK]))
+    np.testing.assert_allclose(found.time_s, start_s + plain.time_s, atol=1e-6)
+    np.testing.assert_array_equal(found.position, plain.position)
+    assert "recording" not in caplog.text
+
+
+def test_seconds_that_go_on_beyond_a_minute_are_the_time(tmp_path, plain):
+    rows = [(int(59.5 + t) // 60, 59.5 + t, *row) for t, *row in WALK]
+    found = tracks(write(tmp_path, ["minute,second,id,x,y"], rows))
+    np.testing.assert_allclose(found.time_s, 59.5 + plain.time_s)
+
+
 @given(st.integers(0, 1438), st.sampled_from([0, 30, 57, 59]))
 def test_hours_minutes_and_seconds_in_one_number_are_refused(folder, plain, minute, second):
     """Where a minute ends; before it, differences are right."""

@@ -9,8 +9,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pedpred.command import main
-from pedpred.errors import SourceError
+from pedpred.errors import SourceError, ValueRuleError
 from pedpred.sources.single_file import read_file
+from pedpred.tables.lines import titles_in
 from pedpred.tables.options import TableOptions
 from pedpred.tables.titles import meaning_of, titles_of_tracks
 from pedpred.tables.units import PER_SECOND, UNITS
@@ -128,6 +129,21 @@ def test_tables_of_parquet_and_arrow_are_those_of_csv(tmp_path, written_by, cloc
         read_file(path)
 
 
+@pytest.mark.parametrize("written_by", ["to_parquet", "to_feather"])
+def test_values_in_structures_of_parquet_and_arrow_are_columns(tmp_path, written_by):
+    """As messages of ROS are written."""
+    table = pd.DataFrame({"id": ROWS[:, 0].astype(int)})
+    table["header"] = [
+        {"stamp": {"sec": int(k // RATE_HZ), "nanosec": int(k % RATE_HZ * 1e8)}} for k in ROWS[:, 1]
+    ]
+    table["pose"] = [{"position": {"x": x, "y": y}, "covariance": [0.1]} for x, y in ROWS[:, 2:]]
+    getattr(table, written_by)(tmp_path / "walk")
+    assert_are_the_people(read_file(tmp_path / "walk").trajectories)
+    table.at[3, "pose"] = None
+    getattr(table, written_by)(tmp_path / "walk")
+    assert len(read_file(tmp_path / "walk").trajectories) == len(ROWS) - 1
+
+
 @pytest.mark.parametrize("text_of", [str, lambda span: str(span.to_pytimedelta())])
 def test_spans_of_time_go_on_beyond_a_day(tmp_path, text_of):
     start = pd.Timedelta(hours=23, minutes=59, seconds=59)
@@ -159,10 +175,15 @@ def test_spans_of_time_go_on_beyond_a_day(tmp_path, text_of):
         ("tiempo [s], Peatón, posición x, posición y", "time_s s track_id x_m y_m"),
         ("fotogramma, pedone, x (metri), y (metri)", "frame track_id x_m m y_m m"),
         ("tijd, voetganger, x, y", "time_s track_id x_m y_m"),
+        ("date_time_utc, object, x_pos, y_pos", "time_s track_id x_m y_m"),
+        ("Timestamp (UTC), person, East, North", "time_s track_id x_m y_m"),
+        ("timeStep, pedestrianId, x-PID2, y-PID2", "frame track_id x_m y_m"),
+        ("Clock, Agent Name, x_filt, y_filt", "time_s track_id x_m y_m"),
+        ("local_time, ped, east_m, north_m", "time_s track_id x_m m y_m m"),
     ],
 )
 def test_titles_may_be_those_of_other_languages(titles, meant):
-    found = [meaning_of(title) for title in titles.split(", ")]
+    found = [meaning_of(title) for title in titles_in(titles)]
     words = [word for one in found if one for word in (one.name, one.unit) if word]
     assert " ".join(words) == meant
 
@@ -222,6 +243,11 @@ def test_other_words_make_other_columns(title):
         ("time,id,lon,lat", "lon is in degrees: project positions to metres"),
         ("time,id,x_cm,y", "column x_cm has the unit cm, column y has none.*--unit"),
         ("time,id,x,y_ft", "column y_ft has the unit ft, column x has none.*--unit"),
+        ("time [h],id,x,y", r"no column for time_s.*Not used: time \[h\] because of 'h'"),
+        ("time,id,x [km],y [km]", r"no column for x_m.*Not used: x \[km\] because of 'km'"),
+        ("time,x,y", "no column for track_id.*if all rows are about one person, add a column id"),
+        ("time,target_id,x,y", "no column for track_id.*Not used: target_id because of 'target'"),
+        ("time,global_id,track_uuid,x,y", "columns global_id and track_uuid are both track_id"),
     ],
 )
 def test_titles_that_leave_something_open_are_refused(tmp_path, titles, named):
@@ -231,10 +257,25 @@ def test_titles_that_leave_something_open_are_refused(tmp_path, titles, named):
         read_file(path)
 
 
+@pytest.mark.parametrize(
+    "title", ["global_id", "track_uuid", "tracked_object", "entity", "Visitor ID", "uniqueId", "device_id"]
+)
+def test_further_ids_count_where_no_title_says_more(title):
+    assert titles_of_tracks(("time", title, "x", "y"))[title] == "track_id"
+    assert title not in titles_of_tracks(("time", title, "person", "x", "y"))
+
+
+@pytest.mark.parametrize("title", ["tracked", "global", "local", "unique", "tracker_name", "target"])
+def test_other_words_beside_ids_are_no_ids(title):
+    with pytest.raises(ValueRuleError, match="no column for track_id"):
+        titles_of_tracks(("time", title, "x", "y"))
+
+
 def test_plain_titles_win_over_other_words():
     assert "world_x" not in titles_of_tracks(("time", "id", "x", "y", "world_x"))
     assert titles_of_tracks(("frame", "time [ms]", "person_id", "x", "y"))["person_id"] == "track_id"
     assert titles_of_tracks(("time", "id", "person_id", "x", "y"))["person_id"] == "person_id"
+    assert titles_of_tracks(("time", "Person Name", "Object ID", "x", "y"))["Object ID"] == "track_id"
     assert "frame" not in titles_of_tracks(("frame", "time [ms]", "id", "x", "y"))
 
 

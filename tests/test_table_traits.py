@@ -324,6 +324,9 @@ def test_minutes_and_seconds_are_times_until_the_hour_ends(tmp_path, plain):
 def test_times_that_are_too_coarse_and_one_id_for_all_are_told_apart(tmp_path):
     with pytest.raises(SourceError, match=r"times are too coarse.*more decimals"):
         tracks(write(tmp_path, [(int(t), *row) for t, *row in WALK]))
+    runs = [*WALK, *((t, who, x + 1.5, y) for t, who, x, y in WALK)]
+    with pytest.raises(SourceError, match=r"at another place\. .*in several runs, make a file for each"):
+        tracks(write(tmp_path, runs))
     with pytest.raises(SourceError, match=r"all lines have this id.*--columns time,id,x,y"):
         tracks(write(tmp_path, [(t, 0, *row) for t, _, *row in WALK]))
 

@@ -17,15 +17,19 @@ from pedpred.tables.reading import read_table
 _COLUMNS = ("time", "id", "x", "y", "height", "speed", "direction", "facing")
 _FIRST_S, _LAST_S = 1e9, 4e9
 _LOOKED_AT = 100
+_LOWEST_MM = 100.0
+"""Somebody among the first is as high; heights in metres are less."""
 
 
 def fits(begins: Beginning) -> bool:
-    """Whether lines hold eight numbers, with Unix times first and angles last."""
+    """Whether lines hold eight numbers: Unix times first, heights that are not in metres, angles last."""
     try:
         rows = [[float(field) for field in line.split(",")] for line in begins.lines[:_LOOKED_AT]]
     except ValueError:
         return False
-    return bool(rows) and all(
+    if not any(len(row) == len(_COLUMNS) and row[4] >= _LOWEST_MM for row in rows):
+        return False
+    return all(
         len(row) == len(_COLUMNS)
         and _FIRST_S < row[0] < _LAST_S
         and row[1].is_integer()

@@ -25,11 +25,11 @@ _LONG_PERCENT = 95
 """Of steps; longer ones may be gaps in tracks."""
 _FAR = 4.0
 """Of tracks that are too fast, steps must be shorter by this factor."""
-_JUMP_MPS, _SLOWEST_MPS = 12.0, 0.05
+_JUMP_MPS, _SLOWEST_MPS = 12.0, 0.2
 """Nobody runs as fast as the first. Walkers exceed a speed between the others in 1 % of the time."""
-_CRAWL_MPS, _WALK_MPS = 0.3, 0.5
-"""Nobody is as slow as the first all the time, and walkers exceed the second."""
-_USUAL_MPS = 3.0
+WALK_MPS = 0.5
+"""Walkers exceed it."""
+USUAL_MPS = 3.0
 """Where it lies at most in the unit that is meant."""
 _LIKELY = ("m", "ft", "cm", "mm")
 """Units that are proposed, from the longest."""
@@ -120,7 +120,7 @@ def check_speeds(
     Raises:
         SourceError: they are impossible; the likely unit is named.
     """
-    speed_mps = _speeds_mps(trajectories)
+    speed_mps = speeds_mps(trajectories)
     if not len(speed_mps):
         return
     usual_mps, jumps = float(np.percentile(speed_mps, 99)), int((speed_mps > _JUMP_MPS).sum())
@@ -134,10 +134,13 @@ def check_speeds(
         doubt = f": are lengths {likely} in place of {said or 'metres'}?"
     if usual_mps > FASTEST_MPS:
         problem = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), faster than people walk"
+        half_mps = float(np.median(speed_mps))
+        if _SLOWEST_MPS < half_mps <= USUAL_MPS:
+            problem += f", and at {half_mps:.2g} m/s half of the time, as where ids jump from one to another"
         if not sure:
             raise SourceError(path, None, problem, _about_speeds(likely, said, fixed))
         _log.warning("%s: %s%s", path, problem, doubt)
-    elif usual_mps > _USUAL_MPS:
+    elif usual_mps > USUAL_MPS:
         speeds = (
             f"up to {usual_mps:.3g} m/s (1 % are faster), {np.median(speed_mps):.3g} m/s half of the time"
         )
@@ -147,6 +150,10 @@ def check_speeds(
             else f": say {_unit(likely)} if lengths are {likely}, or {_unit('m')}"
         )
         _log.warning("%s: people move at %s, which is running%s", path, speeds, ask)
+    elif said in UNITS and usual_mps < WALK_MPS < usual_mps / UNITS[said] <= USUAL_MPS:
+        text = "%s: nobody moves faster than %.2g m/s if lengths are %s, as titles or comments say; %s"
+        metres = f"in metres, that is {usual_mps / UNITS[said]:.2g} m/s: correct these if lengths are metres"
+        _log.warning(text, path, usual_mps, said, metres)
     elif usual_mps < _SLOWEST_MPS:
         text = "%s: nobody moves faster than %.2g m/s; are lengths %s, times seconds?"
         _log.warning(text, path, usual_mps, other or "metres")
@@ -171,7 +178,7 @@ def _about_speeds(likely: str, said: str | None, fixed: str | None) -> str:
     pixels = f"{worded('--scale', 'scale them')} if they are pixels"
     say = f"Say {_unit(likely)} if lengths are {likely}, {_unit('m')} if they are metres, {pixels}"
     columns = worded("--columns", "table.columns")
-    return f"{say}, or correct these, {rate}, {unit} or the order of {columns}"
+    return f"{say}, or correct these, ids, {rate}, {unit} or the order of {columns}"
 
 
 def _other_than_metres(fixed: str | None) -> str | None:
@@ -185,7 +192,7 @@ def _unit(unit: str) -> str:
 
 def _likely_unit(usual_mps: float, said: str) -> str:
     """The longest unit in which people would walk, if lengths were taken as another one."""
-    return next((unit for unit in _LIKELY if usual_mps * UNITS[unit] / UNITS[said] <= _USUAL_MPS), "mm")
+    return next((unit for unit in _LIKELY if usual_mps * UNITS[unit] / UNITS[said] <= USUAL_MPS), "mm")
 
 
 def check_degrees(path: Path, people: Trajectories) -> None:
@@ -198,7 +205,7 @@ def check_degrees(path: Path, people: Trajectories) -> None:
     Raises:
         SourceError: they look like degrees.
     """
-    speed_mps, largest = _speeds_mps(people), np.sort(np.abs(people.position).max(axis=0, initial=0.0))
+    speed_mps, largest = speeds_mps(people), np.sort(np.abs(people.position).max(axis=0, initial=0.0))
     slow = len(speed_mps) > 0 and 0.0 < np.percentile(speed_mps, 99) < _DEGREES_PER_S
     if slow and largest[0] <= 90.0 and largest[1] <= 180.0:
         place = ", ".join(f"{value:.10g}" for value in people.position[0])
@@ -207,50 +214,13 @@ def check_degrees(path: Path, people: Trajectories) -> None:
         raise SourceError(path, None, problem, remedy)
 
 
-def doubt_fractions(path: Path, people: Trajectories) -> None:
-    """Warn about people who all are within one metre, as where positions are parts of a picture.
-
-    Args:
-        path: the file, for messages.
-        people: what was read from it, taken as metres and seconds.
-    """
-    if len(people) and people.position.min() >= 0.0 and people.position.max() <= 1.0:
-        text = "%s: all positions lie from 0 to 1: are they parts of a picture's width and height? %s"
-        remedy = worded("make pixels of them, and give --scale or --homography", "bring them to metres first")
-        _log.warning(text, path, f"Then {remedy}")
-
-
-def doubt_rate(path: Path, people: Trajectories, rate_hz: float, by_caller: bool) -> None:
-    """Warn if people hardly walk, and would if the rate were that of the frames that are there.
-
-    Args:
-        path: the file, for messages.
-        people: what was read from it.
-        rate_hz: frames per second, by which frame numbers were divided.
-        by_caller: whether the caller has said it, and not the file.
-    """
-    frames = np.unique(np.rint(people.time_s * rate_hz).astype(np.int64))
-    every, speed_mps = int(np.gcd.reduce(np.diff(frames))) if len(frames) > 1 else 1, _speeds_mps(people)
-    usual_mps = float(np.percentile(speed_mps, 99)) if len(speed_mps) else np.inf
-    if every > 1 and usual_mps < _CRAWL_MPS and _WALK_MPS < every * usual_mps <= _USUAL_MPS:
-        text = (
-            "%s: frame numbers are multiples of %d: at %g frames per second people move at up to %.2g m/s; %s"
-        )
-        right = f"{every * rate_hz:g}"
-        say = (
-            f"say {worded(f'--rate {right}', f'rate_hz={right}')}" if by_caller else f"correct it to {right}"
-        )
-        instead = f"if there are {rate_hz:g} of these per second, {say}: {every * usual_mps:.2g} m/s"
-        _log.warning(text, path, every, rate_hz, usual_mps, instead)
-
-
 def check_titles(path: Path, people: Trajectories) -> None:
     """Check that the titles of a table are not those of other columns.
 
     Raises:
         SourceError: nobody moves like this, but people would if two titles were exchanged.
     """
-    people = _begin_of(people)
+    people = begin_of(people)
     remedy = f"Correct the titles, or name all columns in order, such as {naming('id,frame,x,y')}"
     if _are_exchanged(people):
         problem = "tracks jump; people would walk if the columns of ids and of times or frames were exchanged"
@@ -272,7 +242,7 @@ def check_places(path: Path, people: Trajectories, remedy: str) -> None:
     if len(np.unique(people.track_id)) > 1 and not np.ptp(people.position, axis=0).any():
         place = ", ".join(f"{value:.10g}" for value in people.position[0])
         raise SourceError(path, None, f"everybody is always at ({place}): x and y hold no positions", remedy)
-    people = _begin_of(people)
+    people = begin_of(people)
     together, of = _instants_at_one_place(people)
     if together >= _FEWEST_STEPS and 2 * together > of:
         where = f"in {together} of {of} instants with several people, all of them are at exactly one place"
@@ -299,7 +269,8 @@ def _instants_at_one_place(people: Trajectories) -> tuple[int, int]:
     return int((several & ~spread.any(axis=1)).sum()), int(several.sum())
 
 
-def _begin_of(people: Trajectories) -> Trajectories:
+def begin_of(people: Trajectories) -> Trajectories:
+    """The first detections, as many as are looked at."""
     some = slice(_MOST_ROWS)
     return Trajectories(people.time_s[some], people.track_id[some], people.position[some])
 
@@ -348,7 +319,7 @@ def _holds_ids(people: Trajectories, values: np.ndarray) -> bool:
     return bool((seen <= 2 or not stays.any()) and often >= 3 * seen and len(np.unique(values)) > 1)
 
 
-def _speeds_mps(people: Trajectories) -> np.ndarray:
+def speeds_mps(people: Trajectories) -> np.ndarray:
     """Speeds along all tracks, each over at least `_SPAN_S`, m/s."""
     if not len(people):
         return np.zeros(0)

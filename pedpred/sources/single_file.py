@@ -24,19 +24,18 @@ from pedpred.sources import (
     viswalk,
 )
 from pedpred.sources.beginnings import Beginning
+from pedpred.sources.doubts import doubt_digits, doubt_fractions, doubt_rate, doubt_starts
 from pedpred.sources.geometries import CELL_M, WALL_M
 from pedpred.sources.plausibility import (
     check_degrees,
     check_speeds,
     check_titles,
-    doubt_fractions,
-    doubt_rate,
 )
 from pedpred.sources.times import check_brief, check_clock, check_digits, doubt_whole_seconds
 from pedpred.sources.untitled import read_untitled
 from pedpred.sources.walls import Walls, occupancy_of
 from pedpred.tables.columnar import is_columnar
-from pedpred.tables.lines import has_header
+from pedpred.tables.lines import has_header, lines_of
 from pedpred.tables.options import TableOptions
 from pedpred.tables.placeholders import without_placeholders
 from pedpred.tables.reading import read_table
@@ -116,7 +115,7 @@ def format_of(path: Path, options: TableOptions | None = None) -> Format:
     """
     begins = Beginning.of(path)
     if is_columnar(path):
-        return _TABLE
+        return _DRONES if drones.are_titles(lines_of(path).titles) else _TABLE
     if begins.lines and options is not None and options.columns is not None:
         return _TABLE
     if recognised := next((kind for kind in FORMATS if kind.fits(begins)), None):
@@ -164,6 +163,9 @@ def checked_interval_s(
     if not sure:
         check_brief(path, people)
     check_speeds(path, people, sure, fixed=fixed, said=said)
+    doubt_starts(path, people)
+    if not sure:
+        doubt_digits(path, people)
     if options.found.rate_hz is not None:
         doubt_rate(path, people, options.found.rate_hz, options.rate_hz is not None)
     return dt_s
@@ -172,13 +174,14 @@ def checked_interval_s(
 _TEXT = Format("text without titles", lambda begins: False, read_untitled, unit=None, pixels=True)
 _TABLE = Format("table", lambda begins: False, read_table, unit=None, pixels=True)
 """What other texts are, with and without a header."""
+_DRONES = Format("drone recording (inD, rounD, uniD)", drones.fits, drones.read)
 
 FORMATS = (
     Format("JuPedSim database", jupedsim_database.fits, jupedsim_database.read, jupedsim_database.read_walls),
     Format("Pedestrian Dynamics Data Archive", data_archive.fits, data_archive.read, data_archive.read_walls),
     Format("SUMO FCD", sumo.fits, sumo.read),
     Format("Stanford Drone Dataset", stanford.fits, stanford.read, pixels=True),
-    Format("drone recording (inD, rounD, uniD)", drones.fits, drones.read),
+    _DRONES,
     Format("motion capture (THÖR, THÖR-MAGNI, QTM)", motion_capture.fits, motion_capture.read, unit="mm"),
     Format("Vadere", vadere.fits, vadere.read),
     Format("PTV Viswalk", viswalk.fits, viswalk.read, unit=None),

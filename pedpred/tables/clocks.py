@@ -8,12 +8,15 @@ import numpy as np
 
 from pedpred.errors import SourceError, worded
 from pedpred.scenes.scene import LATEST_S
-from pedpred.tables.titles import REST
+from pedpred.tables.text import AS_TIMES
+from pedpred.tables.titles import LARGER, REST
 from pedpred.tables.units import PER_SECOND
 from pedpred.tables.wraps import unwrapped
 
 _PARTS = {"nanoseconds": 1e9, "microseconds": 1e6}
+_DATE_DIGITS, _CENTURIES = (14, 17, 20), ("19", "20")
 _LONG_AGO_S = 1e8  # Unix times are later
+_PER_LARGER = 60  # minutes, and more than hours
 
 
 def other_times() -> str:
@@ -47,6 +50,24 @@ def add_rest(columns: dict[str, np.ndarray], unit: str | None) -> bool:
     return True
 
 
+def add_larger(columns: dict[str, np.ndarray]) -> bool:
+    """Add minutes and hours to seconds that begin again with each of them.
+
+    Args:
+        columns: with `time_s`, s, and `minute`, perhaps `hour`, which are removed.
+
+    Returns:
+        Whether they are used: not where seconds go on beyond a minute.
+    """
+    parts = {name: columns.pop(name) for name in LARGER if name in columns}
+    whole = [(part >= 0) & (part < _PER_LARGER) & (part == np.floor(part)) for part in parts.values()]
+    begins = (columns["time_s"] >= 0) & (columns["time_s"] < LARGER["minute"])
+    if "minute" not in parts or not np.logical_and.reduce([begins, *whole]).all():
+        return False
+    columns["time_s"] = columns["time_s"] + sum(LARGER[name] * part for name, part in parts.items())
+    return True
+
+
 def set_time(path: Path, columns: dict[str, np.ndarray], unit: str | None, rate_hz: float | None) -> None:
     """Make `time_s` of times in a unit, or of `frame`; a clock that begins again goes on.
 
@@ -71,7 +92,20 @@ def set_time(path: Path, columns: dict[str, np.ndarray], unit: str | None, rate_
         columns["time_s"] = columns["time_s"] / PER_SECOND[unit]
     largest = np.abs(columns["time_s"]).max(initial=0.0)
     if largest >= LATEST_S:
+        written = largest * (PER_SECOND[unit or "s"] if clock == "time_s" else rate_hz or 1.0)
+        if _is_date(written):
+            problem = f"the time {written:.0f} looks like a date and a time of day in one number"
+            raise SourceError(path, None, problem, AS_TIMES)
         looks = next(
             (unit for unit, parts in _PARTS.items() if largest >= _LONG_AGO_S * parts), "milliseconds"
         )
         raise SourceError(path, None, f"the time {largest:.10g} looks like {looks}", other_times())
+
+
+def _is_date(number: float) -> bool:
+    """Whether the digits of a number are a date and a time, such as 20240305140207 or finer ones."""
+    digits = f"{number:.0f}"
+    if len(digits) not in _DATE_DIGITS or digits[:2] not in _CENTURIES:
+        return False
+    month, day, hour, minute, second = (int(digits[at : at + 2]) for at in range(4, 14, 2))
+    return 1 <= month <= 12 and 1 <= day <= 31 and hour < 24 and max(minute, second) < 60

@@ -8,6 +8,7 @@ from itertools import count
 from pathlib import Path
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from pedpred.errors import SourceError
@@ -16,6 +17,10 @@ from pedpred.files import translate_errors
 _PARQUET, _ARROW = b"PAR1", b"ARROW1"
 _BLOCK_ROWS = 2**14
 _DAMAGED = "Write the file again"
+_DEEPEST = 4
+
+_Leaf = tuple[tuple[str, ...], pa.DataType]
+"""Names that lead to the values of a column, through the structures in which they are, and their type."""
 
 
 def is_columnar(path: Path) -> bool:
@@ -26,17 +31,18 @@ def is_columnar(path: Path) -> bool:
 def columnar_lines(path: Path) -> Iterator[tuple[int, str]]:
     """Number (from 1) and content of the lines of the same table in CSV, titles first; words are quoted.
 
-    Columns of lists and of bytes have a title and no values. Missing values are empty.
+    Values in structures are columns of their own, called `position.x`. Columns of lists and of bytes have a
+    title and no values. Missing values are empty.
 
     Raises:
         SourceError: the file is damaged.
     """
     with translate_errors(partial(SourceError, path, None, remedy=_DAMAGED)):
-        titles, blocks = _arrow(path) if _begin_of(path) == _ARROW else _parquet(path)
+        leaves, blocks = _arrow(path) if _begin_of(path) == _ARROW else _parquet(path)
         numbers = count(1)
-        yield next(numbers), ",".join(_field(title) for title in titles)
+        yield next(numbers), ",".join(_field(".".join(names)) for names, _ in leaves)
         for block in blocks:
-            columns = [_texts(block, title) for title in titles]
+            columns = [_texts(block, names, kind) for names, kind in leaves]
             for fields in zip(*columns, strict=True):
                 yield next(numbers), ",".join(fields)
 
@@ -46,27 +52,43 @@ def _begin_of(path: Path) -> bytes:
         return file.read(len(_ARROW))
 
 
-def _parquet(path: Path) -> tuple[list[str], Iterator[pa.RecordBatch]]:
+def _parquet(path: Path) -> tuple[list[_Leaf], Iterator[pa.RecordBatch]]:
     file = pq.ParquetFile(path)
-    plain = [field.name for field in file.schema_arrow if _is_plain(field.type)]
-    return file.schema_arrow.names, file.iter_batches(_BLOCK_ROWS, columns=plain)
+    leaves = list(_leaves(file.schema_arrow))
+    plain = [".".join(names) for names, kind in leaves if _is_plain(kind)]
+    return leaves, file.iter_batches(_BLOCK_ROWS, columns=plain)
 
 
-def _arrow(path: Path) -> tuple[list[str], Iterable[pa.RecordBatch]]:
+def _arrow(path: Path) -> tuple[list[_Leaf], Iterable[pa.RecordBatch]]:
     file = pa.ipc.open_file(path)
-    return file.schema.names, (file.get_batch(at) for at in range(file.num_record_batches))
+    return list(_leaves(file.schema)), (file.get_batch(at) for at in range(file.num_record_batches))
+
+
+def _leaves(fields: Iterable[pa.Field], above: tuple[str, ...] = ()) -> Iterator[_Leaf]:
+    """Columns, and those in structures, with the types of their values."""
+    for field in fields:
+        names = (*above, field.name)
+        if pa.types.is_struct(field.type) and len(names) < _DEEPEST:
+            yield from _leaves((field.type.field(at) for at in range(field.type.num_fields)), names)
+        else:
+            yield names, field.type
 
 
 def _is_plain(kind: pa.DataType) -> bool:
     return not (pa.types.is_nested(kind) or pa.types.is_binary(kind) or pa.types.is_large_binary(kind))
 
 
-def _texts(block: pa.RecordBatch, title: str) -> list[str]:
-    """Values of a column as fields."""
-    at = block.schema.get_field_index(title)
-    if at < 0 or not _is_plain(block.schema.field(at).type):
+def _texts(block: pa.RecordBatch, names: tuple[str, ...], kind: pa.DataType) -> list[str]:
+    """Values of a column as fields; empty ones where a name is there several times."""
+    at = block.schema.get_field_index(names[0])
+    if at < 0 or not _is_plain(kind):
         return [""] * len(block)
-    return [_field(value) for value in block.column(at).to_pylist()]
+    column = block.column(at)
+    for name in names[1:]:
+        if (at := column.type.get_field_index(name)) < 0:
+            return [""] * len(block)
+        column = pc.struct_field(column, [at])
+    return [_field(value) for value in column.to_pylist()]
 
 
 def _field(value: object) -> str:

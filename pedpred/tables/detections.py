@@ -128,12 +128,20 @@ def _at_two_places(
     if many and len(np.unique(columns["track_id"])) == 1:
         problem += ": all lines have this id"
         remedy = f"If another column holds the ids, name all in order: {naming('time,id,x,y')}"
-    elif many:
+    elif many and _follow(columns, earlier, later):
         problem += f", as in {len(later)} of {rows} lines: times are too coarse"
         remedy = f"Write times with more decimals, or name all in order: {naming('frame,id,x,y')}"
     if counted != "line":
         return SourceError(path, None, f"{counted} {line}: {problem}", remedy)
     return SourceError(path, line, problem, remedy)
+
+
+def _follow(columns: Mapping[str, np.ndarray], earlier: np.ndarray, later: np.ndarray) -> bool:
+    """Whether most of the later rows are the next ones of that person, and not those of another run."""
+    by_line = np.lexsort((columns["line"], columns["track_id"]))
+    place = np.empty_like(by_line)
+    place[by_line] = np.arange(len(by_line))
+    return bool(2 * (place[later] == place[earlier] + 1).sum() >= len(later))
 
 
 def without_untracked(

@@ -27,7 +27,7 @@ from pedpred.tables.classes import (
     may_name_classes,
     people_by_ids,
 )
-from pedpred.tables.clocks import add_rest, set_time
+from pedpred.tables.clocks import add_larger, add_rest, set_time
 from pedpred.tables.comments import frame_rate_hz, unit_of_lengths
 from pedpred.tables.dates import Dates, column_of_days
 from pedpred.tables.decimals import with_decimal_points
@@ -46,6 +46,7 @@ from pedpred.tables.options import TableOptions
 from pedpred.tables.pictures import on_ground
 from pedpred.tables.text import OWN_FILE, OWN_VALUES, Row, read_numbers
 from pedpred.tables.titles import (
+    LARGER,
     LENGTHS,
     REST,
     columns_of_classes,
@@ -241,7 +242,7 @@ def _read(
     at = {name: titles.index(title) for title, name in wanted.items()}
     ids = Ids(path, titles[at["track_id"]])
     clock = "time_s" if "time_s" in at else "frame"
-    others = [column for name, column in at.items() if name not in (clock, REST)]
+    others = [column for name, column in at.items() if name not in (clock, REST, *LARGER)]
     rows = without_other_rows(path, rows, others)
     places = [at[name] for name in LENGTHS]
     rows = with_positions(path, rows, places, at["track_id"])
@@ -272,8 +273,12 @@ def _read(
             _log.warning(text, path, titles[at[clock]])
         if REST in at and not add_rest(columns, _said(titles[at[REST]])):
             del wanted[titles[at[REST]]]
+        larger = [name for name in LARGER if name in columns]
+        if larger and not add_larger(columns):
+            wanted = {title: name for title, name in wanted.items() if name not in larger}
         columns["track_id"] = numbered(ids, columns["track_id"], options)
-        if lines is not None and clock == "time_s" and REST not in at and units[clock] in (None, "s"):
+        is_whole = REST not in at and not larger and units[clock] in (None, "s")
+        if lines is not None and clock == "time_s" and is_whole:
             again = lines_of(path, options.columns).rows
             check_fractions(path, columns, ((line, fields[at[clock]]) for line, fields in again))
         set_time(path, columns, units[clock], rate_hz)

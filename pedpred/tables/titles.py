@@ -25,20 +25,26 @@ NAMES = {
 }
 """Plain titles, also with a unit. Where one is there, other words for the same are not used."""
 
+_COLUMN = {"time": "time_s", "frame": "frame", "id": "track_id", "who": "track_id", "x": "x_m", "y": "y_m"}
+"""Quantity -> the column that a title with a word for it may be."""
+_SHOWN, _LONGEST = 3, 200
+
 LENGTHS = ("x_m", "y_m")
 REST = "rest_of_time"
 """Times in a part of a second beside those in seconds: the rest of a stamp, or the same times again."""
+LARGER = {"minute": 60, "hour": 3600}
+"""Names of columns beside one of seconds, which count minutes and hours: how many seconds each has."""
 PARTS = ("ms", "us", "ns")
 _SAY = {
-    "time": "t time times timestamp timestamps stamp datetime "
+    "time": "t time times timestamp timestamps stamp datetime clock "
     "zeit uhrzeit zeitstempel zeitpunkt temps horodatage heure tiempo hora tijd",
     "frame": "frame frames bild fotogramma fotograma trame",
     "id": "id ids uid pid identifier identity identifiant identificador identificativo kennung",
     "who": "track tracklet trajectory traj ped pedestrian person agent actor object obj subject human "
     "participant walker people name fussganger fussgaenger objekt personen pieton personne objet peaton "
     "persona objeto pedone oggetto voetganger persoon pessoa pedestre",
-    "x": "x easting rechtswert",
-    "y": "y northing hochwert",
+    "x": "x easting east rechtswert",
+    "y": "y northing north hochwert",
 }
 """Words of English, and of German, French, Spanish, Italian, Dutch and Portuguese, without accents."""
 _QUANTITY = {word: quantity for quantity, words in _SAY.items() for word in words.split()}
@@ -51,9 +57,10 @@ _FRAMES = {"world", "map", "local", "global", "ground", "utm", *_AXES} - {"x", "
 _BESIDE = {
     "number": "number no nr num index idx nummer numero",
     "place": "pos position coord coords coordinate coordinates location loc center centre centroid point "
-    "world map local global ground utm head pose est estimated filtered smoothed koordinate coordonnee "
-    "coordenada coordinata posicion posizione posicao",
-    "clock": "timestep simulation sim unix epoch ros elapsed relative absolute header date tv datum",
+    "world map local global ground utm head pose est estimated filt filtered smooth smoothed koordinate "
+    "coordonnee coordenada coordinata posicion posizione posicao",
+    "clock": "timestep simulation sim unix epoch ros utc gmt local elapsed relative absolute header date tv "
+    "datum",
 }
 _NUMBER, _PLACE, _CLOCK = (set(words.split()) for words in _BESIDE.values())
 _CLASS, _APART = (
@@ -87,9 +94,13 @@ Beside corners, x and y are something else.
 _CLASSED = {*_QUANTITY, "road", "user", "detection"} - {"t", "x", "y"}
 _STEPS = {"step", "simulation", "sim"}
 _FILLERS = {"in"}
-_TAGS = {"tag", "tracker", "badge", "mac"}
-"""What people wear, or who tracks them: its number is their id where no title says more."""
+_OF_IDS = {"id", *_SAY["who"].split()} - {"name"}
+_TAGS = {"tag", "tracker", "badge", "mac", "device", "uuid", "guid", "entity", "user", "visitor", "customer"}
+"""What people wear or are, or who tracks them: its number is their id where no title says more."""
+_SORTS = {"unique", "global", "local", "tracked"}
+"""What may stand before an id, likewise."""
 _MINUTES = {"min", "mins", "minute", "minutes"}
+_HOURS = {"h", "hr", "hrs", "hour", "hours"}
 _LETTERS = {"m", "s"}  # no unit before another word without a sign between them
 _DEGREES = {"lon", "lat", "lng", "long", "longitude", "latitude", "deg", "degree", "degrees"}
 _KNOWN = {*_QUANTITY, *_NUMBER, *_PLACE, *_CLOCK, *_STEPS, *LENGTH_WORDS, *TIME_WORDS, *_FILLERS}
@@ -97,6 +108,7 @@ _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]+")
 _SIGN = re.compile(r"[^\w\s\-./()\[\]{}:,#]")
 """Signs that change what a title means, such as those of inches and degrees."""
 _INCHES = re.compile(r"[(\[{]\s*in\s*[)\]}]", re.IGNORECASE)
+_PROCESSOR = re.compile(r"-PID\d+$")
 _FIELD, _UNNAMED = "field.", re.compile(r"Unnamed: \d+_level_\d+")
 _SHORTEST_ALONE = 3
 """A unit of time may stand alone in a title (`sec`), but no letter or two (`s`), which may mean anything."""
@@ -151,12 +163,15 @@ def columns_of_classes(titles: Sequence[str]) -> list[str]:
 
 def columns_of_recordings(titles: Sequence[str]) -> list[str]:
     """Titles of columns that may say in which recording, on which floor, or in which minute, people are."""
-    clock = _clock({title: meaning for title in titles if (meaning := meaning_of(title))})
+    clock = _clock(meant := {title: meaning for title in titles if (meaning := meaning_of(title))})
     minutes = _MINUTES if clock == ("time_s", "s") else ()
+    clocks = {title: m.name for title, m in meant.items() if (m.name, m.unit or "s") == clock}
+    parts = _larger_parts(titles, clocks)
     return [
         title
         for title in titles
-        if _is_called(title, _APART, _NUMBER | {"id", "name", "path"}) or title.strip().lower() in minutes
+        if title not in parts
+        and (_is_called(title, _APART, _NUMBER | {"id", "name", "path"}) or title.strip().lower() in minutes)
     ]
 
 
@@ -235,10 +250,11 @@ def joined_titles(levels: Sequence[Sequence[str]]) -> list[str]:
 
 
 def titles_of_fields(titles: Sequence[str]) -> list[str]:
-    """Titles without what `rostopic echo -p` writes before those of a message's fields; its stamps are ns."""
-    first, others = list(titles[:1]), titles[1:]
+    """Titles without what Vadere and `rostopic echo -p` write around fields; stamps of ROS are ns."""
+    titles = [_PROCESSOR.sub("", title) for title in titles]
+    first, others = titles[:1], titles[1:]
     if first != ["time"] or not others or not all(title.startswith(_FIELD) for title in others):
-        return list(titles)
+        return titles
     fields = (title.removeprefix(_FIELD) for title in others)
     return ["time [ns]", *(f"{title} [ns]" if title.endswith("stamp") else title for title in fields)]
 
@@ -266,7 +282,9 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
         meant |= {title: Meaning("track_id") for title, m in meant.items() if m.name == "person_id"}
     if not any(meaning.name == "track_id" for meaning in meant.values()):
         meant |= {
-            title: Meaning("track_id") for title in titles if _is_called(title, _TAGS, {"id", *_NUMBER})
+            title: Meaning("track_id")
+            for title in titles
+            if _is_called(title, _TAGS | _OF_IDS, _NUMBER | _SORTS)
         }
     clock = _clock(meant)
     of_people = _pairs_of_people(meant)
@@ -279,6 +297,7 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
             lambda title: meant[title].unit != PIXELS,
             lambda title: title in of_people,
             lambda title: meant[title].plain,
+            lambda title: "name" not in _words(title),
         ):
             candidates = [title for title in candidates if preferred(title)] or candidates
         if len(candidates) > 1:
@@ -286,7 +305,7 @@ def titles_of_tracks(titles: Sequence[str]) -> dict[str, str]:
             raise ValueRuleError("columns", titles, rule)
         wanted |= dict.fromkeys(candidates, name)
     if clock == ("time_s", "s"):
-        wanted |= dict.fromkeys(_rest_of_stamp(meant), REST)
+        wanted |= dict.fromkeys(_rest_of_stamp(meant), REST) | _larger_parts(titles, wanted)
     for name in (clock[0], "track_id", *LENGTHS):
         if name not in wanted.values():
             raise ValueRuleError("columns", titles, _missing(name, titles))
@@ -358,6 +377,19 @@ def _rest_of_stamp(meant: dict[str, Meaning]) -> list[str]:
     return [title for title, _ in units] if len(units) == 1 else []
 
 
+def _larger_parts(titles: Sequence[str], wanted: Mapping[str, str]) -> dict[str, str]:
+    """Title -> name of the columns of minutes, and then of hours, beside one that is called seconds."""
+    if not any(name == "time_s" and set(_words(title)) <= set(TIME_WORDS) for title, name in wanted.items()):
+        return {}
+    parts: dict[str, str] = {}
+    for name, words in zip(LARGER, (_MINUTES, _HOURS), strict=True):
+        called = [title for title in titles if title not in wanted and title.strip().lower() in words]
+        if len(called) != 1:
+            break
+        parts[called[0]] = name
+    return parts
+
+
 def _missing(name: str, titles: Sequence[str]) -> str:
     kinds = ("time_s", "frame") if name in ("time_s", "frame") else (name,)
     aliases = ", ".join(alias for kind in kinds for alias in NAMES[kind])
@@ -365,5 +397,19 @@ def _missing(name: str, titles: Sequence[str]) -> str:
     listed = " | ".join(titles)[:200]
     if name in LENGTHS and (degrees := [title for title in titles if _DEGREES & set(_words(title))]):
         return f"{rule}. {degrees[0]} is in degrees: project positions to metres first. There are {listed}"
+    one = " (if all rows are about one person, add a column id)" if name == "track_id" else ""
     separators = worded("; commas, semicolons, tabs, | or blanks separate columns", "")
-    return f"{rule}. There are {listed}{separators}"
+    return f"{rule}{one}. There are {listed}{separators}{_unclear(kinds, titles)}"
+
+
+def _unclear(names: Sequence[str], titles: Sequence[str]) -> str:
+    """Which titles have a word for one of these columns, and which unknown word; empty: none has."""
+    said = {quantity for quantity, name in _COLUMN.items() if name in names}
+    reasons = []
+    for title in titles:
+        words = _words(title)
+        others = [word for word in words if word not in _KNOWN]
+        if others and not said.isdisjoint(_QUANTITY.get(word) for word in words):
+            reasons.append(f"{title} because of {others[0]!r}")
+    shown = ", ".join(reasons[:_SHOWN])[:_LONGEST]
+    return f". Not used: {shown}" if shown else ""
