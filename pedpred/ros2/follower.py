@@ -181,6 +181,11 @@ class Follower:
         return self._frames.age_s(heard.frame, self._map.frame, heard.stamp_s)
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is wrong with many of the last people, in words."""
+        return self._predictor.doubts
+
+    @property
     def map_told(self) -> str:
         """Size of the map in words."""
         return self._map.told
