@@ -248,6 +248,13 @@ def test_jumps_and_running_are_warned_about(tmp_path, caplog):
     assert "--unit" not in caplog.text
     check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk / 0.3048), sure=True, fixed="m")
     assert "are lengths ft in place of metres?" in caplog.text
+    caplog.clear()
+    for away_m in (1.5, 12.0):  # a step of one of two people in each second
+        jumps = walk + away_m * (np.arange(600) % 20 < 2)[:, None]
+        check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), jumps), sure=True, fixed="m")
+        assert "most of them walk: are ids exchanged, does the frame" in caplog.text
+        assert "in place of metres" not in caplog.text
+        caplog.clear()
     walk[300] = 0.0
     check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk))
     assert "people jump" in caplog.text

@@ -34,6 +34,9 @@ from pedpred.tables.placeholders import find_placeholders, left_out
 _CARRIED = re.compile(r"base_|_link|laser|lidar|velodyne|ouster|livox|camera|optical|scan|realsense|zed")
 """In names of frames that robots carry, mostly."""
 _TOLD = 5
+_APART_S = 1.5
+"""Stamps of people and transforms that come together differ by less: a localisation stamps poses up to 1 s
+ahead, and detectors take their time."""
 _ROBOT_REMEDY = "a robot's frame moves: record /tf up to the map's frame too"
 
 
@@ -207,6 +210,7 @@ class People:
                 time_s = self._stamp_s[rows].repeat(counts)
                 places = np.concatenate([result[row] for row in rows])
                 moved = tree.placed(places, time_s, frame, target, self._heard(here))
+                self._tell_lag(tree, (frame, target), rows)
                 lost = np.isnan(moved).all(axis=1) & np.isfinite(places[:, :2]).all(axis=1)
                 if lost.any():
                     text = f"{lost.sum()} of {len(lost)} detections, for which no /tf leads from {frame!r} to"
@@ -221,6 +225,16 @@ class People:
                 for row, part in zip(rows, np.split(moved, np.cumsum(counts)[:-1]), strict=True):
                     result[row] = part
         return result
+
+    def _tell_lag(self, tree: FrameTree, frames: tuple[str, str], rows: list[Any]) -> None:
+        """Tell where people and transforms that come together have stamps of different times."""
+        child, parent, lag_s = tree.lag_s(*frames, self._stamp_s[rows], self._received_s[rows])
+        if abs(lag_s) > _APART_S:
+            text = f"stamped {abs(lag_s):.1f} s {'later' if lag_s > 0 else 'earlier'} than the poses of"
+            ask = (
+                "are the clocks of two computers apart? People are placed where the robot was at other times"
+            )
+            self._warn(f"people are {text} {child!r} in {parent!r} that come with them: {ask}")
 
     def _without_jumps(
         self,

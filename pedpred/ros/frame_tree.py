@@ -138,6 +138,38 @@ class FrameTree:
         edges = {*pairwise(up), *pairwise(down)} - self._fixed
         return max((time_s - float(self._known(edge)[0][-1]) for edge in edges), default=None)
 
+    def lag_s(
+        self, frame: str, target: str, time_s: np.ndarray, received_s: np.ndarray
+    ) -> tuple[str, str, float]:
+        """By how much messages are stamped later than the poses that came last before them, as a rule.
+
+        Args:
+            frame: of the messages.
+            target: the frame into which they are brought.
+            time_s: their stamps, s. [N]
+            received_s: when they came, s. [N]
+
+        Returns:
+            Child and parent of the edge between both frames that differs most, of those that move, and the
+            median, less the time between its poses, s; 0 where nothing moves.
+        """
+        up, down = self._chains(frame, target)
+        lags = [("", "", 0.0)]
+        for child, parent in {*pairwise(up), *pairwise(down)} - self._fixed:
+            rows = np.asarray(self._samples[child][parent]).reshape(-1, _COLUMNS)
+            rows = rows[np.argsort(rows[:, 0], kind="stable")]
+            last = np.searchsorted(rows[:, 0], received_s, side="right") - 1
+            if (
+                not (last >= 0).any()
+                or not rows[:, 1].any()
+                or not _moves(*self._known((child, parent))[1:]).any()
+            ):
+                continue
+            lag_s = float(np.median(time_s[last >= 0] - rows[last[last >= 0], 1]))
+            step_s = float(np.median(np.diff(np.sort(rows[:, 1]))))
+            lags.append((child, parent, min(lag_s, 0.0) + max(lag_s - step_s, 0.0)))
+        return max(lags, key=lambda lag: abs(lag[2]))
+
     def lack(self, frame: str, target: str, time_s: float) -> str:
         """Say what is missing to bring a place from one frame into another at a time; empty if nothing is."""
         up, down = self._chains(frame, target)

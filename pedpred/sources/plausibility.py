@@ -31,6 +31,11 @@ _CRAWL_MPS, _WALK_MPS = 0.3, 0.5
 """Nobody is as slow as the first all the time, and walkers exceed the second."""
 _USUAL_MPS = 3.0
 """Where it lies at most in the unit that is meant."""
+_OTHER_CAUSE = (
+    "; most of them walk: are ids exchanged, does the frame of the positions jump or move, "
+    "or are clocks apart?"
+)
+"""Of speeds that no unit explains."""
 _LIKELY = ("m", "ft", "cm", "mm")
 """Units that are proposed, from the longest."""
 _DEGREES_PER_S = 2e-4
@@ -128,7 +133,10 @@ def check_speeds(
         cause = "are ids exchanged, or do false detections have the ids of people?"
         _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
     likely, doubt = _likely_unit(usual_mps, said or "m"), ""
-    if other := _other_than_metres(fixed):
+    other, walk = _other_than_metres(fixed), _walk_in(likely, said or "m", speed_mps)
+    if not walk:
+        doubt = _OTHER_CAUSE
+    elif other:
         doubt = f": does the file hold {other}, as the format does, and seconds?"
     elif fixed or said:
         doubt = f": are lengths {likely} in place of {said or 'metres'}?"
@@ -143,13 +151,20 @@ def check_speeds(
         )
         ask = (
             doubt
-            if sure or said or fixed
+            if sure or said or fixed or not walk
             else f": say {_unit(likely)} if lengths are {likely}, or {_unit('m')}"
         )
-        _log.warning("%s: people move at %s, which is running%s", path, speeds, ask)
+        running = ", which is running" if walk else ""
+        _log.warning("%s: people move at %s%s%s", path, speeds, running, ask)
     elif usual_mps < _SLOWEST_MPS:
         text = "%s: nobody moves faster than %.2g m/s; are lengths %s, times seconds?"
         _log.warning(text, path, usual_mps, other or "metres")
+
+
+def _walk_in(unit: str, said: str, speed_mps: np.ndarray) -> bool:
+    """Whether most of those who move would walk if lengths were in another unit than the one that is said."""
+    moving_mps = speed_mps[speed_mps > _SLOWEST_MPS]
+    return bool(len(moving_mps) and np.median(moving_mps) * UNITS[unit] / UNITS[said] >= _WALK_MPS)
 
 
 def _about_speeds(likely: str, said: str | None, fixed: str | None) -> str:
