@@ -17,6 +17,7 @@ from pedpred.scenes import Trajectories
 from pedpred.tables.placeholders import FASTEST_MPS
 from pedpred.tables.titles import naming
 from pedpred.tables.units import PIXELS, UNITS
+from pedpred.tracking.steps import catch_up
 
 _log = logging.getLogger(__name__)
 _CLEAR = 2.0
@@ -132,6 +133,8 @@ def check_speeds(
     if jumps and usual_mps <= FASTEST_MPS:
         cause = "are ids exchanged, or do false detections have the ids of people?"
         _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
+    if usual_mps <= FASTEST_MPS and _tell_repeats(path, trajectories):
+        return
     likely, doubt = _likely_unit(usual_mps, said or "m"), ""
     other, walk = _other_than_metres(fixed), _walk_in(likely, said or "m", speed_mps)
     if not walk:
@@ -159,6 +162,24 @@ def check_speeds(
     elif usual_mps < _SLOWEST_MPS:
         text = "%s: nobody moves faster than %.2g m/s; are lengths %s, times seconds?"
         _log.warning(text, path, usual_mps, other or "metres")
+
+
+def _tell_repeats(path: Path, people: Trajectories) -> bool:
+    """Warn if most people who move on after standing still catch up in one step; whether they do."""
+    order = np.lexsort((people.time_s, people.track_id))
+    same = np.diff(people.track_id[order]) == 0
+    gap_s, way_m = (
+        np.diff(people.time_s[order]),
+        np.linalg.norm(np.diff(people.position[order], axis=0), axis=1),
+    )
+    stood = np.r_[False, same[:-1] & (way_m[:-1] == 0.0)] & same
+    begins, repeats = stood & (way_m > 0.0), catch_up(stood, way_m, gap_s)
+    if begins.sum() < _FEWEST_STEPS or 2 * repeats.sum() <= begins.sum():
+        return False
+    text = "%s: %d of %d times that people move on after standing still, they catch up in one step: %s"
+    cause = "old positions are repeated under new times, so that forecasts are wrong: write each one once"
+    _log.warning(text, path, repeats.sum(), begins.sum(), cause)
+    return True
 
 
 def _walk_in(unit: str, said: str, speed_mps: np.ndarray) -> bool:
