@@ -261,6 +261,12 @@ DOUBTFUL = {
     "shuffled": (10, lambda k, at: (rng_of(k).permutation(6), at(k)), "longer than anybody moves"),
     "two trackers": (10, lambda k, at: (IDS, at(k) + 9.0 * (k % 2)), "longer than anybody moves"),
     "millimetres": (10, lambda k, at: (IDS, 1000 * at(k)), "longer than anybody moves"),
+    "minutes": (600, lambda k, at: (IDS, at(60 * k)), "longer than anybody moves"),
+    "localisation": (
+        10,
+        lambda k, at: (IDS, at(k) + 0.6 * (k // 10 % 2)),
+        "does the localisation jump",
+    ),
     "repeated": (10, lambda k, at: (IDS, at(k - k % 10)), "repeat old positions"),
     "repeated, fast": (50, lambda k, at: (IDS, at(k - k % 15)), "repeat old positions"),
 }

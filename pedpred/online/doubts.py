@@ -17,12 +17,16 @@ from pedpred.online.frame import Frame
 from pedpred.online.people import People
 from pedpred.scenes import OccupancyMap
 from pedpred.tracking.steps import are_too_long, catch_up
+from pedpred.tracking.tracks import FASTEST_MPS
 
 _log = logging.getLogger(__name__)
 _FRAMES, _JUDGED = 10, 30
 """So many frames, and so many detections in them, are judged together."""
 _WALKING_MPS = 0.5
 """People who are slower may lean on a wall, sit on a bench, or be furniture."""
+_TOGETHER, _JUMP_M, _JUMP_MPS, _ALIKE = 3, 0.3, 2.0, 0.25
+"""So many people, or more, jump together if all are elsewhere than expected by the same way, which is longer
+than these, m and m/s, and differs by no more than this share of its length."""
 _KINDS = {
     "new": (
         0.5,
@@ -32,6 +36,11 @@ _KINDS = {
         0.2,
         "steps of people are longer than anybody moves: do ids change hands or belong to two trackers, are "
         "positions not in metres or times not in seconds, or does the frame of the positions jump?",
+    ),
+    "together": (
+        0.05,
+        "frames have everybody jump by the same way: does the localisation jump? Publish people in the frame "
+        "of the odometry, or call `correct`",
     ),
     "repeats": (
         0.5,
@@ -113,11 +122,14 @@ class Doubts:
         rows = people.track_id.searchsorted(frame.track_id[known])
         place, gap_s = frame.position[known], frame.time_s - people.seen_s[rows]
         way_m = np.hypot(*(place - people.detection[rows]).T)
+        ahead = place - people.detection[rows] - gap_s[:, None] * people.velocity[rows]
+        speed_mps = np.hypot(*people.velocity[rows].T)
         stood = ~people.past["last_velocity"][rows].any(axis=1) & (people.seen_s > people.born_s)[rows]
-        walks = np.hypot(*people.velocity[rows].T) >= _WALKING_MPS
+        walks = speed_mps >= _WALKING_MPS
         odd = {
             "new": ~known if len(people) else known[:0],
-            "steps": are_too_long(way_m, gap_s),
+            "steps": are_too_long(way_m, gap_s) | (speed_mps > FASTEST_MPS),
+            "together": np.array([_jump_together(ahead, gap_s)] if len(rows) >= _TOGETHER else [], bool),
             "repeats": catch_up(stood, way_m, gap_s)[stood & (way_m > 0.0)],
         }
         if occupancy is not None:
@@ -132,3 +144,16 @@ class Doubts:
         for kind, count in self.counts.items():
             if count.text and not before.counts[kind].text:
                 _log.warning("at %s s: %s", time_s, count.text)
+
+
+def _jump_together(ahead: np.ndarray, gap_s: np.ndarray) -> bool:
+    """Whether people are elsewhere than expected by the same way.
+
+    Args:
+        ahead: from where each is expected to where he or she is, m. [N, 2]
+        gap_s: time since each was seen, s. [N]
+    """
+    mean = ahead.mean(axis=0)
+    length_m = float(np.hypot(*mean))
+    apart_m = float(np.hypot(*(ahead - mean).T).max())
+    return length_m > _JUMP_M + _JUMP_MPS * float(gap_s.max()) and apart_m < _ALIKE * length_m
