@@ -173,3 +173,17 @@ def test_transforms_of_another_clock_are_told(ahead_s, clock, ros2, tmp_path, ca
     told = {-7.0: "7.0 s later", -2.0: "2.0 s later", 2.5: "2.5 s earlier"}.get(ahead_s)
     assert (f"people are stamped {told} than the poses of 'base_link' in 'odom'" in caplog.text) == bool(told)
     assert ("come with them" in caplog.text) == bool(told)
+
+
+def test_transforms_of_two_robots_with_the_same_frames_are_told(ros2, tmp_path, caplog):
+    """People between two of their poses are somewhere between both robots."""
+    found = moving_messages(ros2)
+    read_bag(write_timed(ros2, tmp_path / "one", found))
+    assert "jump in" not in caplog.text
+    for k in range(100):
+        time_s = 10.0 + 0.05 * k
+        pose = Rotation.identity(), np.array([20.0, 5.0, 0.0])
+        found.append((time_s, "/tf", TF, transform(ros2, "odom", "base_link", pose, time_s)))
+    read_bag(write_timed(ros2, tmp_path / "two", sorted(found, key=lambda one: one[0])))
+    assert "the poses of 'base_link' in 'odom' jump in 2" in caplog.text
+    assert "do two nodes publish them, or two robots" in caplog.text
