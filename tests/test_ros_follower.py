@@ -152,6 +152,21 @@ def test_diagnostics_say_that_the_map_does_not_lie_under_people():
     assert "outside the map" in summary
 
 
+@pytest.mark.parametrize("away_m", [0.1, 0.6])
+def test_a_robot_that_is_taken_for_a_person_is_told(away_m, caplog):
+    """As by a camera on a wall; somebody who walks beside the robot is somebody."""
+    follower = follower_of()
+    for k in range(50):
+        at_s = 100.0 + 0.1 * k
+        turn, place = robot(at_s)
+        follower.transforms_came(transforms(transform("map", "base_link", turn, place, at_s)), at_s, False)
+        itself = (place[0], place[1] + away_m)
+        answered(follower, people(at_s, **{"1": (3.0, 0.1 * k), "2": itself}), 0.1 * k)
+    is_told = away_m < 0.2
+    assert ("is the robot taken for a person?" in caplog.text) == is_told
+    assert ("is the robot taken for a person?" in diagnose(follower, 4.9, 1, Counts())[1]) == is_told
+
+
 @pytest.mark.parametrize("odd", [0, 30])
 def test_who_jumps_now_and_then_costs_nobody_the_id(odd, caplog):
     """Neither one of many, nor all at once, as where the localisation of a tracker jumps."""

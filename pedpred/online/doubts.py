@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,37 +28,50 @@ _WALKING_MPS = 0.5
 _TOGETHER, _JUMP_M, _JUMP_MPS, _ALIKE = 3, 0.3, 2.0, 0.25
 """So many people, or more, jump together if all are elsewhere than expected by the same way, which is longer
 than these, m and m/s, and differs by no more than this share of its length."""
+
+
+class Kind(NamedTuple):
+    """What can be odd.
+
+    Attributes:
+        most: share of the judged ones that may be.
+        wrong: what is wrong if more are, in words.
+    """
+
+    most: float
+    wrong: str
+
+
 _KINDS = {
-    "new": (
+    "new": Kind(
         0.5,
         "detections have ids that are new: do ids stay with people? Who is new is forecast to stand",
     ),
-    "steps": (
+    "steps": Kind(
         0.2,
         "steps of people are longer than anybody moves: do ids change hands or belong to two trackers, are "
         "positions not in metres or times not in seconds, or does the frame of the positions jump?",
     ),
-    "together": (
+    "together": Kind(
         0.05,
         "frames have everybody jump by the same way: does the localisation jump? Publish people in the frame "
         "of the odometry, or call `correct`",
     ),
-    "repeats": (
+    "repeats": Kind(
         0.5,
         "times when people move on after standing still, they catch up in one step: does the tracker repeat "
         "old positions under new stamps? Pass each position once, with its time",
     ),
-    "blocked": (
+    "blocked": Kind(
         0.1,
         "detections of people who walk are in obstacles of the map: is it mirrored, shifted, in another "
         "frame, out of date or a costmap?",
     ),
-    "outside": (
+    "outside": Kind(
         0.5,
         "detections of people who walk are outside the map: is it in another frame? The ground there is free",
     ),
 }
-"""Kind -> share of the judged ones that may be odd, and what is wrong if more are."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +90,7 @@ class Count:
     frames: int = 0
     text: str = ""
 
-    def after(self, odd: np.ndarray, kind: str) -> Count:
+    def after(self, odd: np.ndarray, kind: Kind) -> Count:
         """The count after a frame: `odd` for each of those who are judged. [N] bool."""
         if not len(odd):
             return self
@@ -85,8 +99,8 @@ class Count:
         )
         if now.frames < _FRAMES or now.judged < _JUDGED:
             return now
-        most, wrong = _KINDS[kind]
-        text = f"{now.odd} of the last {now.judged} {wrong}" if now.odd > most * now.judged else ""
+        wrong = now.odd > kind.most * now.judged
+        text = f"{now.odd} of the last {now.judged} {kind.wrong}" if wrong else ""
         return Count(text=text)
 
 
@@ -136,7 +150,7 @@ class Doubts:
             cells = occupancy.cell_of(place[walks])
             odd["blocked"] = occupancy.is_occupied(place[walks])
             odd["outside"] = ((cells < 0) | (cells >= occupancy.occupied.shape)).any(axis=-1)
-        judged = {kind: self.counts[kind].after(values, kind) for kind, values in odd.items()}
+        judged = {kind: self.counts[kind].after(values, _KINDS[kind]) for kind, values in odd.items()}
         return Doubts({**self.counts, **judged})
 
     def tell(self, before: Doubts, time_s: float) -> None:
