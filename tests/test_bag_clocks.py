@@ -284,6 +284,19 @@ def test_ids_that_are_dealt_out_anew_are_refused(name, count, rate_hz, ros2, tmp
         read_bag(bag(ros2, tmp_path / "hall", *steps))
 
 
+@pytest.mark.parametrize("shares", [(1, 1), (1, 2)])
+@pytest.mark.parametrize("rate_hz", [2.5, 10, 30])
+def test_ids_of_two_trackers_that_are_the_same_are_refused(rate_hz, shares, ros2, tmp_path):
+    """Each person of one is somebody of the other in its next message, and nobody is where others were."""
+    places, period = crowd(8, rate_hz, 60), sum(shares)
+    steps = [
+        (100.0 + k / rate_hz, {f"p{n}": tuple(place[n + 4 * (k % period < shares[0])]) for n in range(4)})
+        for k, place in enumerate(places.tolist())
+    ]
+    with pytest.raises(SourceError, match=r"steps lead to where another one was.*two trackers"):
+        read_bag(bag(ros2, tmp_path / "hall", *steps))
+
+
 @pytest.mark.parametrize("rate_hz", [2.5, 10, 30])
 @pytest.mark.parametrize("odd", ["nobody", "one jumps", "swaps"])
 def test_ids_of_a_tracker_are_read(rate_hz, odd, ros2, tmp_path):

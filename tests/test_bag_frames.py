@@ -1,5 +1,7 @@
 """People in frames that move: brought into the map's frame with the transforms of the bag."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg
@@ -12,7 +14,7 @@ from pedpred.online.replay import replay_scene
 from pedpred.ros import Transform, read_bag
 from pedpred.storage.scenes import read_scene
 from tests.bags import TF, Store, bag, check_moving, moving_bag, moving_messages, transform, write_timed
-from tests.robots import ODOM, SPEED, STANDING, WALKING, from_camera, from_robot
+from tests.robots import ODOM, SPEED, STANDING, WALKING, from_camera, from_robot, robot
 
 
 @pytest.mark.parametrize(
@@ -153,3 +155,35 @@ def test_a_frame_whose_y_is_a_height_is_refused(ros2, tmp_path):
     found = moving_messages(ros2, "world", lambda at, _: at[[0, 2, 1]] + [0.0, 0.0, 0.0], tf_s=np.zeros(0))
     with pytest.raises(SourceError, match=r"in 'world'., but y looks like a height: record /tf"):
         read_bag(write_timed(ros2, tmp_path / "hall", found))
+
+
+@pytest.mark.parametrize("ahead_s", [-7.0, -2.0, -1.0, 0.0, 1.0, 2.5])
+@pytest.mark.parametrize("clock", [1.0, 0.2])
+def test_transforms_of_another_clock_are_told(ahead_s, clock, ros2, tmp_path, caplog):
+    """Else people are placed where the robot was at another time; also where time is simulated."""
+    found = []
+    for time_s, topic, kind, message in moving_messages(ros2, tf_s=np.arange(0, 12, 0.05) - 0.02):
+        if kind == TF:
+            stamp_s = time_s + ahead_s
+            message = transform(ros2, "odom", "base_link", robot(stamp_s), stamp_s)
+        found.append((time_s / clock, topic, kind, message))
+    path = write_timed(ros2, tmp_path / "hall", found)
+    with suppress(SourceError):  # no transform is of the time of people
+        read_bag(path)
+    told = {-7.0: "7.0 s later", -2.0: "2.0 s later", 2.5: "2.5 s earlier"}.get(ahead_s)
+    assert (f"people are stamped {told} than the poses of 'base_link' in 'odom'" in caplog.text) == bool(told)
+    assert ("come with them" in caplog.text) == bool(told)
+
+
+def test_transforms_of_two_robots_with_the_same_frames_are_told(ros2, tmp_path, caplog):
+    """People between two of their poses are somewhere between both robots."""
+    found = moving_messages(ros2)
+    read_bag(write_timed(ros2, tmp_path / "one", found))
+    assert "jump in" not in caplog.text
+    for k in range(100):
+        time_s = 10.0 + 0.05 * k
+        pose = Rotation.identity(), np.array([20.0, 5.0, 0.0])
+        found.append((time_s, "/tf", TF, transform(ros2, "odom", "base_link", pose, time_s)))
+    read_bag(write_timed(ros2, tmp_path / "two", sorted(found, key=lambda one: one[0])))
+    assert "the poses of 'base_link' in 'odom' jump in 2" in caplog.text
+    assert "do two nodes publish them, or two robots" in caplog.text

@@ -1,5 +1,6 @@
 """Streams that break rules: jumps, bursts, clocks, furniture. Who is not concerned is forecast as before."""
 
+import copy
 import logging
 
 import numpy as np
@@ -12,6 +13,7 @@ from pedpred.errors import PedpredError
 from pedpred.geometry import rotate
 from pedpred.metrics.calibration import share_inside
 from pedpred.online import OnlinePredictor
+from pedpred.scenes import OccupancyMap
 from pedpred.scenes.occupancy import FARTHEST_M
 from pedpred.tracking.tracks import FASTEST_MPS, JUMP_M
 
@@ -246,3 +248,87 @@ def test_who_cannot_be_forecast_is_left_out_and_named(folder, monkeypatch, caplo
     assert "tracks [5]" in caplog.text
     np.testing.assert_allclose(found.predictions.path, expected.predictions.path[[0, 2]], atol=1e-4)
     assert_sound(robot.update(0.5, ids, position), ids)
+
+
+def rng_of(k):
+    return np.random.default_rng(k)
+
+
+IDS, CROWD = np.arange(6), rng_of(3).uniform(-4, 4, (6, 2))
+SPEED = rng_of(4).normal(0, 0.9, (6, 2))
+DOUBTFUL = {
+    "new ids": (10, lambda k, at: (IDS + 6 * k, at(k)), "ids that are new"),
+    "shuffled": (10, lambda k, at: (rng_of(k).permutation(6), at(k)), "longer than anybody moves"),
+    "two trackers": (10, lambda k, at: (IDS, at(k) + 9.0 * (k % 2)), "longer than anybody moves"),
+    "millimetres": (10, lambda k, at: (IDS, 1000 * at(k)), "longer than anybody moves"),
+    "minutes": (600, lambda k, at: (IDS, at(60 * k)), "longer than anybody moves"),
+    "localisation": (
+        10,
+        lambda k, at: (IDS, at(k) + 0.6 * (k // 10 % 2)),
+        "does the localisation jump",
+    ),
+    "repeated": (10, lambda k, at: (IDS, at(k - k % 10)), "repeat old positions"),
+    "repeated, fast": (50, lambda k, at: (IDS, at(k - k % 15)), "repeat old positions"),
+}
+
+
+def told(caplog, rate_hz, frame, noise_m=0.03, occupancy=None, seconds=14):
+    """Doubts about a stream, after checking that the log has them, too."""
+    robot = OnlinePredictor.load()
+    if occupancy is not None:
+        robot.set_map(occupancy)
+
+    def at(k):
+        return CROWD + k / rate_hz * SPEED + rng_of(k).normal(0, noise_m, CROWD.shape)
+
+    caplog.clear()
+    for k in range(round(seconds * rate_hz)):
+        robot.update(k / rate_hz, *frame(k, at))
+    assert all(text.split("of the last")[1].split(" ", 2)[2] in caplog.text for text in robot.doubts)
+    return " ".join(robot.doubts)
+
+
+@pytest.mark.parametrize("kind", DOUBTFUL)
+def test_what_detections_cannot_be_is_told(kind, caplog):
+    """No single frame is wrong, forecasts look sound, and they are those of nobody."""
+    rate_hz, frame, text = DOUBTFUL[kind]
+    assert text in told(caplog, rate_hz, frame)
+
+
+@pytest.mark.parametrize("rate_hz", [1, 5, 10, 30, 100])
+@pytest.mark.parametrize("noise_m", [0.0, 0.03, 0.15])
+def test_there_is_no_doubt_about_a_sound_stream(rate_hz, noise_m, caplog):
+    """Also if a robot's position jumps now and then, and if simulated people stop, to the last bit."""
+    calm = told(caplog, rate_hz, lambda k, at: (IDS, at(k)), noise_m, seconds=min(14, 700 / rate_hz))
+    assert not calm
+    assert not caplog.text
+    every = 7 * rate_hz
+    assert not told(caplog, rate_hz, lambda k, at: (IDS, at(k) + 3.0 * (k // every)), noise_m)
+    assert not told(caplog, 10, lambda k, at: (IDS, at(k // 40 * 20 + min(k % 40, 20))), 0.0, seconds=30)
+
+
+def test_a_map_that_does_not_lie_under_people_is_told(caplog):
+    def here(k, at):
+        return IDS, at(k)
+
+    far = OccupancyMap(np.zeros((50, 50), bool), np.array([3e3, 3e3]), 0.1)
+    assert "outside the map" in told(caplog, 10, here, occupancy=far)
+    cells = rng_of(0).uniform(size=(400, 400)) < 0.3
+    assert "in obstacles of the map" in told(caplog, 10, here, occupancy=OccupancyMap(cells, [-20, -20], 0.1))
+    assert not told(caplog, 10, here, occupancy=OccupancyMap(np.zeros((400, 400), bool), [-20, -20], 0.1))
+    blocked = OccupancyMap(np.ones((400, 400), bool), [-20, -20], 0.1)
+    assert not told(caplog, 10, lambda k, at: (IDS, at(0)), occupancy=blocked)  # benches are obstacles
+
+
+def test_doubts_end_with_their_cause_and_are_copied(caplog):
+    robot = OnlinePredictor.load()
+    for k in range(60):
+        robot.update(0.1 * k, IDS + 6 * k * (k < 30), CROWD + 0.1 * k * SPEED)
+        assert robot.doubts == copy.deepcopy(robot).doubts
+        assert bool(robot.doubts) == (10 <= k < 40), k
+    assert caplog.text.count("ids that are new") == 1
+    for k in range(60, 80):
+        robot.update(0.1 * k, IDS + 6 * k, CROWD)
+    assert robot.doubts
+    robot.reset()
+    assert not robot.doubts

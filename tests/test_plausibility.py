@@ -340,9 +340,32 @@ def test_jumps_and_running_are_warned_about(tmp_path, caplog):
     assert "--unit" not in caplog.text
     check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk / 0.3048), sure=True, fixed="m")
     assert "are lengths ft in place of metres?" in caplog.text
+    caplog.clear()
+    for away_m in (1.5, 12.0):  # a step of one of two people in each second
+        jumps = walk + away_m * (np.arange(600) % 20 < 2)[:, None]
+        check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), jumps), sure=True, fixed="m")
+        assert "most of them walk: are ids exchanged, does the frame" in caplog.text
+        assert "in place of metres" not in caplog.text
+        caplog.clear()
     walk[300] = 0.0
     check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk))
     assert "people jump" in caplog.text
+
+
+@pytest.mark.parametrize("every", [1, 10])
+def test_positions_that_are_repeated_under_new_times_are_told(tmp_path, caplog, every):
+    """And are no running; who stops and goes, to the last bit, is nobody whose positions are repeated."""
+    time_s = np.arange(600) / 10
+    walk = np.stack([1.3 * time_s, 0 * time_s], axis=-1)[np.arange(600) // every * every]
+    check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk), sure=True, fixed="m")
+    assert ("old positions are repeated under new times" in caplog.text) == (every > 1)
+    assert "running" not in caplog.text
+    caplog.clear()
+    stops = np.repeat(1.3 * time_s[:300].reshape(-1, 20), 2, axis=0)
+    stops[1::2] = stops[::2, -1:]
+    walk = np.stack([stops.ravel(), 0 * time_s], axis=-1)
+    check_speeds(tmp_path, Trajectories(time_s, np.ones(600, int), walk), sure=True, fixed="m")
+    assert not caplog.text
 
 
 @pytest.mark.parametrize("clock", ["time", "frame"])

@@ -118,6 +118,55 @@ def test_ids_of_two_trackers_that_are_the_same_are_told_and_people_followed(othe
     assert "do two trackers give the same ids?" in caplog.text
 
 
+def test_ids_that_change_hands_among_people_who_are_near_are_told_and_people_followed(caplog):
+    """Nobody is farther than somebody could have moved, and each is where another one was."""
+    follower, rng = follower_of(), np.random.default_rng(0)
+    for k in range(60):
+        places = [(0.12 * k, 0.9 * n) for n in range(5)]
+        order = rng.permutation(5)
+        answers = answered(follower, people(100.0 + 0.1 * k, **{str(n): places[order[n]] for n in range(5)}))
+    velocity = [list(one["velocity"].values())[:2] for one in answers["predictions/people"]["people"]]
+    np.testing.assert_allclose(velocity, [[1.2, 0.0]] * 5, atol=0.1)
+    assert "some are elsewhere than anybody can have moved, or where others were" in caplog.text
+
+
+def test_far_detections_that_are_noisy_keep_their_ids(caplog):
+    """As of a stereo camera: steps are long, and nobody is where another one was."""
+    follower, rng = follower_of(), np.random.default_rng(0)
+    for k in range(60):
+        places = {str(n): (12.0 + 0.1 * k + rng.normal(0, 0.35), 4.0 * n) for n in range(4)}
+        answers = answered(follower, people(100.0 + 0.1 * k, **places))
+    assert {one["name"] for one in answers["predictions/people"]["people"]} == set(places)
+    assert "ids do not stay" not in caplog.text
+
+
+def test_diagnostics_say_that_the_map_does_not_lie_under_people():
+    follower = follower_of(use_map=True)
+    follower.map_came(grid(np.zeros((20, 20)), position={"x": 5000.0, "y": 5000.0}))
+    for k in range(40):
+        answered(
+            follower, people(100.0 + 0.1 * k, **{str(n): (0.12 * k, 3.0 * n) for n in range(3)}), 0.1 * k
+        )
+    level, summary = diagnose(follower, 4.0, 1, Counts())
+    assert level == 1
+    assert "outside the map" in summary
+
+
+@pytest.mark.parametrize("away_m", [0.1, 0.6])
+def test_a_robot_that_is_taken_for_a_person_is_told(away_m, caplog):
+    """As by a camera on a wall; somebody who walks beside the robot is somebody."""
+    follower = follower_of()
+    for k in range(50):
+        at_s = 100.0 + 0.1 * k
+        turn, place = robot(at_s)
+        follower.transforms_came(transforms(transform("map", "base_link", turn, place, at_s)), at_s, False)
+        itself = (place[0], place[1] + away_m)
+        answered(follower, people(at_s, **{"1": (3.0, 0.1 * k), "2": itself}), 0.1 * k)
+    is_told = away_m < 0.2
+    assert ("is the robot taken for a person?" in caplog.text) == is_told
+    assert ("is the robot taken for a person?" in diagnose(follower, 4.9, 1, Counts())[1]) == is_told
+
+
 @pytest.mark.parametrize("odd", [0, 30])
 def test_who_jumps_now_and_then_costs_nobody_the_id(odd, caplog):
     """Neither one of many, nor all at once, as where the localisation of a tracker jumps."""

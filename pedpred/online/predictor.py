@@ -17,6 +17,7 @@ from pedpred.forecasting.chain import Chain, Place
 from pedpred.geometry import rotate
 from pedpred.online.caution import have_just_appeared, moving_shares, shorten_paths
 from pedpred.online.correction import Correction
+from pedpred.online.doubts import Doubts
 from pedpred.online.frame import Frame
 from pedpred.online.limit import keep_to_limit
 from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
@@ -112,6 +113,11 @@ class OnlinePredictor:
         return self._settings
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is wrong with many of the last detections, in words; see `pedpred.online.doubts`."""
+        return self._doubts.texts
+
+    @property
     def protocol(self) -> ForecastProtocol:
         """Time step, horizon and ages of the forecasts."""
         return self._about.protocol
@@ -148,7 +154,7 @@ class OnlinePredictor:
 
     def _begin(self, place: Place, unused: dict[str, Any]) -> None:
         """Start with nobody, and with what was learned; see `read_place`."""
-        self._unused = unused
+        self._unused, self._doubts = unused, Doubts.none()
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
         self._dropped_s = (np.inf, np.inf)  # the first and the last frame that were dropped since
         self._set_back_s, self._latest_drop_s = _SET_BACK_S, -np.inf
@@ -200,7 +206,7 @@ class OnlinePredictor:
         deleted: twice after a false stamp.
         An id that jumps farther than anybody can move is a new person. People for whom the network gives no
         valid forecast are left out, named in a warning and forgotten. Of more than `most_people`, those who
-        came first are followed; the others are left out and named in a warning.
+        came first are followed; the others are left out and named in a warning. So are doubts (`doubts`).
 
         Args:
             time_s: of the frame, s; any rate, also an irregular one.
@@ -230,7 +236,11 @@ class OnlinePredictor:
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
+        occupancy = None if self._map is NO_MAP else self._map
+        doubts, before = self._doubts.after(people, frame, occupancy), self._doubts
         self._people, self._place, self._last = self._detected(people, place, frame, now)
+        self._doubts = doubts
+        doubts.tell(before, now)
         self._now, self._jumps, self._lives = now, jumps, self._lives + len(frame)
         if is_earlier:
             self._set_back_s *= 2

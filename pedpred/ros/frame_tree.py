@@ -11,6 +11,7 @@ import numpy as np
 from pedpred.ros.rotations import NO_TURN, angle_rad, between, composed, inverse, normalised, rotated
 from pedpred.ros.scene_messages import seconds
 from pedpred.scenes import rule_of
+from pedpred.tracking.steps import are_too_long
 
 MAP_FRAME = "map"
 HELD_S, LONGEST_GAP_S = 0.02, 1.0
@@ -137,6 +138,53 @@ class FrameTree:
             return np.inf
         edges = {*pairwise(up), *pairwise(down)} - self._fixed
         return max((time_s - float(self._known(edge)[0][-1]) for edge in edges), default=None)
+
+    def lag_s(
+        self, frame: str, target: str, time_s: np.ndarray, received_s: np.ndarray
+    ) -> tuple[str, str, float]:
+        """By how much messages are stamped later than the poses that came last before them, as a rule.
+
+        Args:
+            frame: of the messages.
+            target: the frame into which they are brought.
+            time_s: their stamps, s. [N]
+            received_s: when they came, s. [N]
+
+        Returns:
+            Child and parent of the edge between both frames that differs most, of those that move, and the
+            median, less the time between its poses, s; 0 where nothing moves.
+        """
+        lags = [("", "", 0.0)]
+        for child, parent in self._moving(frame, target):
+            rows = np.asarray(self._samples[child][parent]).reshape(-1, _COLUMNS)
+            rows = rows[np.argsort(rows[:, 0], kind="stable")]
+            last = np.searchsorted(rows[:, 0], received_s, side="right") - 1
+            if not (last >= 0).any() or not rows[:, 1].any():
+                continue
+            lag_s = float(np.median(time_s[last >= 0] - rows[last[last >= 0], 1]))
+            step_s = float(np.median(np.diff(np.sort(rows[:, 1]))))
+            lags.append((child, parent, min(lag_s, 0.0) + max(lag_s - step_s, 0.0)))
+        return max(lags, key=lambda lag: abs(lag[2]))
+
+    def jumps(self, frame: str, target: str) -> tuple[str, str, int, int]:
+        """How often a frame between two frames moves as nobody does, as where two nodes publish its poses.
+
+        Returns:
+            Child and parent of the edge with the largest share of such steps; how many of its steps are such,
+            and how many it has; 0 of 1 where nothing moves.
+        """
+        counts = [("", "", 0, 1)]
+        for child, parent in self._moving(frame, target):
+            known_s, _, offset = self._known((child, parent))
+            far = are_too_long(np.linalg.norm(np.diff(offset, axis=0), axis=1), np.diff(known_s))
+            counts.append((child, parent, int(far.sum()), len(far)))
+        return max(counts, key=lambda one: one[2] / one[3])
+
+    def _moving(self, frame: str, target: str) -> list[tuple[str, str]]:
+        """Child and parent of the edges between two frames that are seen at different poses."""
+        up, down = self._chains(frame, target)
+        edges = (edge for edge in (*pairwise(up), *pairwise(down)) if edge not in self._fixed)
+        return [edge for edge in edges if _moves(*self._known(edge)[1:]).any()]
 
     def lack(self, frame: str, target: str, time_s: float) -> str:
         """Say what is missing to bring a place from one frame into another at a time; empty if nothing is."""

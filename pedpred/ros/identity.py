@@ -20,8 +20,8 @@ than such a speed explains, and if each is nearer to where another one is, by th
 
 _JUMPING, _FITTING, _NOISE_M, _ENOUGH = 0.2, 0.8, 0.2, 1000
 """Ids change hands if more than the first share of steps is one of swaps, and if for more than the second
-share of these the cheapest pairs with the people of the next instant walk, within this error of detections.
-So many such steps are looked at."""
+share of these the cheapest pairs with the people of the next instant walk, within this error of detections,
+or the same id walks if every other detection is left out. So many such steps are looked at."""
 
 
 def check_identity(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: Sequence[np.ndarray]) -> None:
@@ -54,30 +54,67 @@ def check_identity(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: S
 def check_steps(people: Trajectories) -> None:
     """Check that people do not jump to where others were, again and again, as where ids are dealt out anew.
 
+    Nor away and back, as where two trackers send the same ids.
+
     Raises:
-        ValueRuleError: people jump as the ids say, and walk if each one's next place is another one's.
+        ValueRuleError: people jump as the ids say, and walk if each one's next place is another one's, or if
+            every other detection is left out.
     """
     order = np.lexsort((people.time_s, people.track_id))
     time_s, place = people.time_s[order], people.position[order]
     gap_s, way_m = np.diff(time_s), np.linalg.norm(np.diff(place, axis=0), axis=1)
     is_step = (np.diff(people.track_id[order]) == 0) & (gap_s <= _LONGEST_S)
-    is_jump = is_step & (way_m > np.maximum(_SAVED_M, _SWAP_MPS * gap_s))
+    is_jump = is_step & _are_far(way_m, gap_s)
     if is_jump.sum() <= _JUMPING * is_step.sum():
         return
+    returns = _return(time_s, place, is_step)
     steps = np.flatnonzero(is_step)
     steps = steps[np.argsort(time_s[steps + 1], kind="stable")]
     instants = np.split(steps, np.flatnonzero(np.diff(time_s[steps + 1])) + 1)
     looked = fitting = 0
     for rows in (rows for rows in instants if is_jump[rows].any() and len(rows) <= _MOST_PEOPLE):
-        apart_m = distances_m(place[rows], place[rows + 1])
-        walks = apart_m[cheapest_pairs(apart_m)] <= _NOISE_M + _WALKING_MPS * gap_s[rows]
-        looked, fitting = looked + int(is_jump[rows].sum()), fitting + int((is_jump[rows] & walks).sum())
+        exchanged = find_exchanged(place[rows], place[rows + 1], gap_s[rows]) | returns[rows]
+        looked, fitting = looked + int(is_jump[rows].sum()), fitting + int((is_jump[rows] & exchanged).sum())
         if looked >= _ENOUGH:
             break
     if fitting > _FITTING * looked:
         counted = f"{is_jump.sum()} of {is_step.sum()} steps lead to where another one was"
-        rule = f"ids must stay with people, and here they seem to be places in a list: {_REMEDY}"
-        raise ValueRuleError("id", counted, rule)
+        seem = "here they seem to be places in a list, or those of two trackers"
+        raise ValueRuleError("id", counted, f"ids must stay with people, and {seem}: {_REMEDY}")
+
+
+def find_exchanged(before: np.ndarray, after: np.ndarray, gap_s: np.ndarray) -> np.ndarray:
+    """Find people who jump to where others were, and others to where these were, as ids say.
+
+    Args:
+        before: where the same ids were, m. [N, 2]
+        after: where they are in one message, m. [N, 2]
+        gap_s: time between both, s. [N]
+
+    Returns:
+        [N] bool
+    """
+    exchanged = _are_far(np.linalg.norm(after - before, axis=1), gap_s)
+    rows = np.flatnonzero(exchanged & np.isfinite(before).all(axis=1))[:_MOST_PEOPLE]
+    exchanged[:] = False
+    if len(rows) > 1:
+        apart_m = distances_m(before[rows], after[rows])
+        walk = apart_m[cheapest_pairs(apart_m)] <= _NOISE_M + _WALKING_MPS * gap_s[rows]
+        exchanged[rows] = walk
+    return exchanged
+
+
+def _are_far(way_m: np.ndarray, gap_s: np.ndarray) -> np.ndarray:
+    """Which steps are longer than people make. [N] bool."""
+    return np.asarray(way_m > np.maximum(_SAVED_M, _SWAP_MPS * gap_s))
+
+
+def _return(time_s: np.ndarray, place: np.ndarray, is_step: np.ndarray) -> np.ndarray:
+    """Which steps, of those between rows, lead to where the id was before, or away from where it is next."""
+    near = np.zeros(len(is_step) + 1, bool)  # of step k - 1 and the next one
+    gap_s, way_m = time_s[2:] - time_s[:-2], np.linalg.norm(place[2:] - place[:-2], axis=1)
+    near[1:-1] = is_step[:-1] & is_step[1:] & (way_m <= _NOISE_M + _WALKING_MPS * gap_s)
+    return near[:-1] | near[1:]
 
 
 def _counted(ids: Sequence[str], first: int) -> bool:

@@ -82,6 +82,7 @@ def diagnose(
         problems.append("people are heard, but there is no forecast: see what is left out, and the log")
     if follower.counts.others and not follower.counts.detections:
         problems.append("no detection so far is of a class of people: see the log, and class_ids")
+    problems.extend(follower.doubts)
     messages = follower.counts.messages - before.messages
     left_out = follower.counts.left_out - before.left_out
     if left_out > _MANY_LEFT_OUT * messages:

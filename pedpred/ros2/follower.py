@@ -39,6 +39,7 @@ from pedpred.ros2.outputs import (
     Answer,
     people_content,
 )
+from pedpred.ros2.robot_seen import RobotSeen
 from pedpred.ros2.settings import NodeSettings
 from pedpred.ros2.views import Views
 from pedpred.scenes import Forecast, OccupancyMap
@@ -149,7 +150,7 @@ class Follower:
         self._is_behind = False
         self._latest: Forecast | None = None
         self._time_ns = 0
-        self._floor_m = 0.0
+        self._floor_m, self._robot_seen = 0.0, RobotSeen()
         self._shown: tuple[Forecast, _Waiting] | None = None
         self._odometry: Poses | None = None
         self._views = Views(self._latched, clock)
@@ -179,6 +180,11 @@ class Follower:
         if heard is None or not heard.ids:
             return None
         return self._frames.age_s(heard.frame, self._map.frame, heard.stamp_s)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is wrong with many of the last people, in words."""
+        return tuple(text for text in (*self._predictor.doubts, self._robot_seen.text) if text)
 
     @property
     def map_told(self) -> str:
@@ -394,9 +400,11 @@ class Follower:
     def _on_this_floor(self, one: Instant, frame: str) -> tuple[Instant, np.ndarray]:
         """A message without the people of other floors, and the places of the others, m. [n, 2]."""
         place, most_m = self._frames.placed(one.place, one.stamp_s, one.frame, frame), self.settings.floor_m
+        base = self._frames.base(one.frame, frame, one.stamp_s)
+        self._robot_seen.note(base[:2], place[:, :2])
         if not most_m or not len(place):
             return one, place[:, :2]
-        now_m = self._frames.floor_m(one.frame, frame, one.stamp_s)
+        now_m = base[2]
         self._floor_m = now_m if np.isfinite(now_m) else self._floor_m
         away = np.abs(place[:, 2] - self._floor_m) > most_m
         if away.any():

@@ -11,6 +11,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.geometry import rotate
 from pedpred.ros.assignment import NearestTracks
 from pedpred.ros.detections import Instant
+from pedpred.ros.identity import find_exchanged
 from pedpred.ros.people import TrackNumbers
 from pedpred.tracking.tracks import LOST_AFTER_S, jumped
 
@@ -23,8 +24,8 @@ _MESSAGES, _JUDGED, _OF_A_MESSAGE, _FLEETING = 10, 100, 20, 0.95
 are of one message at most, a larger share without a known id means that ids do not stay with people: once, a
 tracker that starts again names a whole crowd anew."""
 _LATEST, _JUMPY, _JUMPING = 20, 10, 0.2
-"""So do jumps farther than anybody can move in more than so many of the last messages, of a larger share of
-their detections."""
+"""So do jumps, farther than anybody can move or to where others were, in more than so many of the last
+messages, of a larger share of their detections."""
 _NAMELESS = -(2**62)
 """Numbers of people without an id begin here, where others have one or may get one: no name has these."""
 _log = logging.getLogger(__name__)
@@ -115,7 +116,8 @@ class Identities:
         if jumping:
             _log.warning(
                 "ids do not stay with people: in %d of %d messages, some are elsewhere than anybody can have "
-                "moved: do two trackers give the same ids?",
+                "moved, or where others were: do two trackers give the same ids? "
+                "Or are positions not in metres?",
                 *(sum(count > 0 for count, _ in self._jumping), len(self._jumping)),
             )
         if one.ids:
@@ -142,7 +144,9 @@ class Identities:
             old_s, old, new_s, new = (
                 np.array(values) for values in zip(*((*a, *b) for a, b in pairs), strict=True)
             )
-            self._jumping.append((int(jumped(old, new, np.abs(new_s - old_s)).sum()), len(pairs)))
+            gap_s = np.abs(new_s - old_s)
+            elsewhere = jumped(old, new, gap_s) | find_exchanged(old, new, gap_s)
+            self._jumping.append((int(elsewhere.sum()), len(pairs)))
         found, judged = np.reshape(self._jumping, (-1, 2)).sum(axis=0)
         return sum(count > 0 for count, _ in self._jumping) > _JUMPY and found > _JUMPING * judged
 

@@ -77,11 +77,11 @@ class LiveFrames:
         poses = find_poses(self._tree, frame, target, np.array([time_s]))
         return poses if poses is not None and np.isfinite(poses.yaw_rad).all() else None
 
-    def floor_m(self, frame: str, target: str, time_s: float) -> float:
-        """How high the robot stands that people are seen from; NaN if that is unknown, m."""
+    def base(self, frame: str, target: str, time_s: float) -> np.ndarray:
+        """Where the base of the robot is that people are seen from; NaN if that is unknown, m. [3]."""
         if not (base := self._tree.base(frame)) or self._tree.lack(base, target, time_s):
-            return np.nan
-        return float(self._tree.placed(np.zeros((1, 3)), np.array([time_s]), base, target, ALWAYS)[0, 2])
+            return np.full(3, np.nan)
+        return self._tree.placed(np.zeros((1, 3)), np.array([time_s]), base, target, ALWAYS)[0]
 
     def placed(self, place: np.ndarray, time_s: float, frame: str, target: str) -> np.ndarray:
         """Places of one instant in another frame, m. [N, 3]."""

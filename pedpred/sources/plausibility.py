@@ -17,6 +17,7 @@ from pedpred.scenes import Trajectories
 from pedpred.tables.placeholders import FASTEST_MPS
 from pedpred.tables.titles import naming
 from pedpred.tables.units import PIXELS, UNITS
+from pedpred.tracking.steps import catch_up
 
 _log = logging.getLogger(__name__)
 _CLEAR = 2.0
@@ -31,6 +32,11 @@ WALK_MPS = 0.5
 """Walkers exceed it."""
 USUAL_MPS = 3.0
 """Where it lies at most in the unit that is meant."""
+_OTHER_CAUSE = (
+    "; most of them walk: are ids exchanged, does the frame of the positions jump or move, "
+    "or are clocks apart?"
+)
+"""Of speeds that no unit explains."""
 _LIKELY = ("m", "ft", "cm", "mm")
 """Units that are proposed, from the longest."""
 _DEGREES_PER_S = 2e-4
@@ -127,8 +133,13 @@ def check_speeds(
     if jumps and usual_mps <= FASTEST_MPS:
         cause = "are ids exchanged, or do false detections have the ids of people?"
         _log.warning("%s: people jump %d times, at up to %.3g m/s: %s", path, jumps, speed_mps.max(), cause)
+    if usual_mps <= FASTEST_MPS and _tell_repeats(path, trajectories):
+        return
     likely, doubt = _likely_unit(usual_mps, said or "m"), ""
-    if other := _other_than_metres(fixed):
+    other, walk = _other_than_metres(fixed), _walk_in(likely, said or "m", speed_mps)
+    if not walk:
+        doubt = _OTHER_CAUSE
+    elif other:
         doubt = f": does the file hold {other}, as the format does, and seconds?"
     elif fixed or said:
         doubt = f": are lengths {likely} in place of {said or 'metres'}?"
@@ -146,10 +157,11 @@ def check_speeds(
         )
         ask = (
             doubt
-            if sure or said or fixed
+            if sure or said or fixed or not walk
             else f": say {_unit(likely)} if lengths are {likely}, or {_unit('m')}"
         )
-        _log.warning("%s: people move at %s, which is running%s", path, speeds, ask)
+        running = ", which is running" if walk else ""
+        _log.warning("%s: people move at %s%s%s", path, speeds, running, ask)
     elif said in UNITS and usual_mps < WALK_MPS < usual_mps / UNITS[said] <= USUAL_MPS:
         text = "%s: nobody moves faster than %.2g m/s if lengths are %s, as titles or comments say; %s"
         metres = f"in metres, that is {usual_mps / UNITS[said]:.2g} m/s: correct these if lengths are metres"
@@ -157,6 +169,30 @@ def check_speeds(
     elif usual_mps < _SLOWEST_MPS:
         text = "%s: nobody moves faster than %.2g m/s; are lengths %s, times seconds?"
         _log.warning(text, path, usual_mps, other or "metres")
+
+
+def _tell_repeats(path: Path, people: Trajectories) -> bool:
+    """Warn if most people who move on after standing still catch up in one step; whether they do."""
+    order = np.lexsort((people.time_s, people.track_id))
+    same = np.diff(people.track_id[order]) == 0
+    gap_s, way_m = (
+        np.diff(people.time_s[order]),
+        np.linalg.norm(np.diff(people.position[order], axis=0), axis=1),
+    )
+    stood = np.r_[False, same[:-1] & (way_m[:-1] == 0.0)] & same
+    begins, repeats = stood & (way_m > 0.0), catch_up(stood, way_m, gap_s)
+    if begins.sum() < _FEWEST_STEPS or 2 * repeats.sum() <= begins.sum():
+        return False
+    text = "%s: %d of %d times that people move on after standing still, they catch up in one step: %s"
+    cause = "old positions are repeated under new times, so that forecasts are wrong: write each one once"
+    _log.warning(text, path, repeats.sum(), begins.sum(), cause)
+    return True
+
+
+def _walk_in(unit: str, said: str, speed_mps: np.ndarray) -> bool:
+    """Whether most of those who move would walk if lengths were in another unit than the one that is said."""
+    moving_mps = speed_mps[speed_mps > _SLOWEST_MPS]
+    return bool(len(moving_mps) and np.median(moving_mps) * UNITS[unit] / UNITS[said] >= WALK_MPS)
 
 
 def _about_speeds(likely: str, said: str | None, fixed: str | None) -> str:
