@@ -332,3 +332,12 @@ def test_doubts_end_with_their_cause_and_are_copied(caplog):
     assert robot.doubts
     robot.reset()
     assert not robot.doubts
+
+
+def test_a_doubt_that_comes_and_goes_is_told_once(caplog):
+    """Four and two of six people have new ids, by turns, for as long as is judged together."""
+    robot = OnlinePredictor.load()
+    for k in range(100):
+        new = 4 if k // 10 % 2 else 2
+        robot.update(0.1 * k, np.where(IDS < new, IDS + 6 * (k + 1), IDS), CROWD + 0.1 * k * SPEED)
+    assert caplog.text.count("ids that are new") == 1

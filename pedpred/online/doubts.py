@@ -99,8 +99,8 @@ class Count:
         )
         if now.frames < _FRAMES or now.judged < _JUDGED:
             return now
-        wrong = now.odd > kind.most * now.judged
-        text = f"{now.odd} of the last {now.judged} {kind.wrong}" if wrong else ""
+        most = kind.most * (0.5 if self.text else 1.0)  # what comes and goes is told once
+        text = f"{now.odd} of the last {now.judged} {kind.wrong}" if now.odd > most * now.judged else ""
         return Count(text=text)
 
 
@@ -157,7 +157,7 @@ class Doubts:
         """Warn about what is wrong now, and was not before."""
         for kind, count in self.counts.items():
             if count.text and not before.counts[kind].text:
-                _log.warning("at %s s: %s", time_s, count.text)
+                _log.warning("at %.10g s: %s", time_s, count.text)
 
 
 def _jump_together(ahead: np.ndarray, gap_s: np.ndarray) -> bool:
