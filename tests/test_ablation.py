@@ -227,6 +227,12 @@ def test_what_the_ablations_here_show_is_in_order(path):
     ablate.check_points(dataclasses.replace(ablation, points=first), ROOT / "conf")
 
 
+def test_the_ablation_that_the_page_shows_is_in_order(tmp_path):
+    page = (ROOT / "docs" / "ablations.md").read_text()
+    (path := tmp_path / "memory.yaml").write_text(re.search("```yaml\n(.*?)```", page, re.DOTALL)[1])
+    ablate.check_points(read_ablation(path), ROOT / "conf")
+
+
 def test_a_single_room_of_a_test_set_can_be_shown():
     ablation = read_ablation(ABLATIONS[0].with_stem("reach"))
     of_room = dataclasses.replace(ablation, points={"1": []}, entry="sim_test_office")
