@@ -11,6 +11,7 @@ import argparse
 import difflib
 import functools
 import inspect
+import itertools
 import logging
 import os
 import re
@@ -88,7 +89,7 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
             run(addressed)
         else:
             with config_errors():
-                known = arguments_of(root, script)
+                known = arguments_of(root, script, sys.argv[1:])
                 if {"-h", "--help"} & set(sys.argv[1:]):
                     sys.stdout.write(_usage(script, known, inspect.getdoc(main) or ""))
                     return
@@ -122,21 +123,27 @@ def _remedy(path: Path) -> str:
     return ". `dvc repro` writes it again" if path.parts[:1] in WRITTEN else ""
 
 
-def arguments_of(root: Path, script: str) -> tuple[str, ...]:
+def arguments_of(root: Path, script: str, overrides: Iterable[str] = ()) -> tuple[str, ...]:
     """Return the arguments that a stage reads: those of its commands in dvc.yaml, and what it writes.
+
+    Commands with another value of an argument do not count, such as those of another `phase`.
 
     Args:
         root: the project's folder.
         script: of the stage. One that is not in dvc.yaml may have any argument.
+        overrides: of the command line.
     """
     stages = read_yaml(root / "dvc.yaml", partial(ConfigError, "dvc.yaml", None))["stages"].values()
     commands = " ".join(entry.get("do", entry)["cmd"] for entry in stages)
-    runs = re.findall(rf"python -m stages\.{script}\b(.*?)(?=python -m|$)", commands)
-    if not runs:
+    texts = re.findall(rf"python -m stages\.{script}\b(.*?)(?=python -m|$)", commands)
+    if not texts:
         return ARGUMENTS
+    runs = [dict(re.findall(r" \+(\w+)=(\S+)", text)) for text in texts]
+    given = dict(re.findall(r"^\+{1,2}(\w+)=(.*)", "\n".join(overrides), re.MULTILINE))
+    alike = [run for run in runs if all("$" in run.get(k, "$") or run[k] == v for k, v in given.items())]
     outputs = OUTPUTS if script in WITH_CURVE else ("out",)
-    given = {*re.findall(r" \+(\w+)=", " ".join(runs)), *outputs}
-    return tuple(name for name in ARGUMENTS if name in given)
+    read = {*itertools.chain(*(alike or runs)), *outputs}
+    return tuple(name for name in ARGUMENTS if name in read)
 
 
 def _usage(script: str, arguments: Iterable[str], purpose: str) -> str:

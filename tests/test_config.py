@@ -276,6 +276,20 @@ def test_arguments_of_a_stage_are_those_of_its_commands(script, expected):
     assert " ".join(config.arguments_of(ROOT, script)) == expected
 
 
+@pytest.mark.parametrize(
+    ("phase", "expected"),
+    [
+        ("main", "name phase out curve"),
+        ("finetune", "name phase fold out curve"),
+        ("adaptation", "name phase fold out curve"),
+        ("mian", "name phase fold out curve"),
+    ],
+)
+def test_a_training_has_the_arguments_of_its_phase(phase, expected):
+    given = ["scale=smoke", "+name=lstm", f"+phase={phase}", "+out=build/mine"]
+    assert " ".join(config.arguments_of(ROOT, "train", given)) == expected
+
+
 @pytest.mark.parametrize("added", ["+fold=all", "+curve=mine.tsv"])
 def test_an_argument_of_another_stage_is_refused(project, look, added):
     commands = DVC_YAML.replace("plain: {cmd: x", "plain: {cmd: python -m stages.look +name=eth")
