@@ -253,7 +253,7 @@ def check_measured(ablation: Ablation, measured: Mapping[str, Mapping[str, Any]]
 @config_errors()
 def main() -> None:
     """Run all points, write the figures."""
-    parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
+    parser = argparse.ArgumentParser(prog="python -m tools.ablate", description=__doc__.partition(":")[0])
     parser.add_argument("name", help="a file in conf/ablations, without .yaml")
     parser.add_argument("--jobs", type=count, default=1, help="points at a time")
     parser.add_argument("--point", action="append", help="run this point only; may be repeated")
