@@ -83,7 +83,11 @@ def condition_rows(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
 
 @user_errors()
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.driving",
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
+    )
     parser.add_argument("scene", type=Path, nargs="?")
     parser.add_argument("--world", choices=KINDS)
     parser.add_argument("--people", choices=REACTIONS, default=REACTIONS[0])

@@ -76,7 +76,11 @@ def measured(runner: Runner, condition: Condition, episodes: int) -> tuple[dict[
 
 @user_errors()
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.driving_speed",
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
+    )
     parser.add_argument("scene", type=Path, nargs="?")
     parser.add_argument("--world", choices=KINDS, default="corridor", help="in place of a scene")
     parser.add_argument("--episodes", type=count, default=10)

@@ -58,7 +58,11 @@ def measured(rows: int, arguments: Sequence[str]) -> Usage:
 @user_errors()
 def main() -> None:
     """Measure every size and print a line for each."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.evaluate",
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
+    )
     parser.add_argument("--rows", type=count, nargs="+", default=[50_000, 400_000], help="detections")
     parser.add_argument("--arguments", nargs="*", default=[], help="more arguments of `pedpred evaluate`")
     parser.add_argument("--out", type=output, help="write the figures there as JSON")

@@ -151,7 +151,7 @@ def growth() -> list[dict]:
 @user_errors()
 def main() -> None:
     """Measure, print, and write the figures if `--json` is given."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.features", description=__doc__)
     parser.add_argument("--json", type=output, help="file for the figures")
     parser.add_argument("--main-set", action="store_true", help="also the 5 h set and the growth of memory")
     options = parser.parse_args()

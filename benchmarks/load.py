@@ -109,7 +109,7 @@ def compared(sizes: dict[float, Size], least: Size) -> list[dict[str, Any]]:
 def main() -> None:
     """Measure and print."""
     every = [*commands(MINUTE_H), EPOCH]
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.load", description=__doc__)
     parser.add_argument("--hours", type=positive, nargs="+", default=[5.0, 50.0], help="of simulation")
     parser.add_argument("--until", choices=every[1:], default=EPOCH, help="the last stage to run")
     parser.add_argument("--json", type=output)

@@ -200,7 +200,7 @@ def rows_of(folder: Path) -> list[dict[str, Any]]:
 @user_errors()
 def main() -> None:
     """Measure, print, and keep the figures when asked to."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.online", description=__doc__)
     parser.add_argument("--model", type=Path, default=Path("models/online/default"))
     parser.add_argument("--json", type=output, help="write the figures there")
     parser.add_argument("--hour", action="store_true", help="also the memory during an hour (a minute)")

@@ -32,6 +32,7 @@ def add_trust(parser: argparse.ArgumentParser) -> None:
 
 def table_options(parser: argparse.ArgumentParser, module: str) -> argparse.Namespace:
     """Add --write and parse; the figures to write must be those of a command of `PAGE`."""
+    parser.prog = f"python -m {module}"
     parser.add_argument("--write", action="store_true", help=f"write the table into {PAGE}")
     options = parser.parse_args()
     check_command(parser, options, module)

@@ -112,7 +112,7 @@ def main_set() -> list[dict]:
 @user_errors()
 def main() -> None:
     """Measure, print, and write the figures if `--json` is given."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.simulate", description=__doc__)
     parser.add_argument("--json", type=output, help="file for the figures")
     parser.add_argument("--no-peers", action="store_true", help="only our simulator")
     parser.add_argument("--main-set", action="store_true", help="also measure the 5 h set: time and memory")

@@ -128,7 +128,7 @@ def print_slowdown(processes: int) -> None:
 @user_errors()
 def main() -> None:
     """Measure, print, and keep the figures when asked to."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.train", description=__doc__)
     parser.add_argument("--json", type=output, help="write the figures there")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
     parser.add_argument(

@@ -11,11 +11,12 @@ import argparse
 import difflib
 import functools
 import inspect
+import itertools
 import logging
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -35,8 +36,11 @@ SETS = {"simulated": "simulations", "real": "places"}
 WRITTEN = (("data",), ("models",), ("reports",))
 """Folders of the project whose files stages write."""
 
-OUTPUTS = ("out", "metrics", "curve")
+OUTPUTS = ("out", "curve")
 """Arguments of stages that name a file or folder to write."""
+
+WITH_CURVE = ("train", "pretrain_autoencoder")
+"""Stages with the argument `curve`; others have `out` alone."""
 
 ARGUMENTS = ("name", "kind", "phase", "fold", "networks", "scene", "rows", *OUTPUTS)
 """Arguments of stages: what they write, and of which rows."""
@@ -56,9 +60,11 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
 
     `cfg` is read-only and complete. Under DVC it holds only the keys that dvc.yaml declares for the running
     stage, so reading an undeclared key fails; by hand it is what conf/ composes to with the given Hydra
-    overrides. A `PedpredError` ends the process with its message, without a traceback.
+    overrides. A `PedpredError` ends the process with its message, without a traceback. A trial whose `out` is
+    elsewhere writes its curve beside it unless `curve` says where.
     """
     root = Path(inspect.getfile(main)).resolve().parents[1]  # not DVC_ROOT: a queued run is a copy
+    script = Path(inspect.getfile(main)).stem
 
     @functools.wraps(main)
     def entry() -> None:
@@ -67,6 +73,8 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
         def run(cfg: DictConfig) -> None:
             logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
             with config_errors(address):
+                if script in WITH_CURVE and "out" in cfg and "curve" not in cfg:
+                    OmegaConf.update(cfg, "curve", f"{cfg.out}.tsv", force_add=True)
                 OmegaConf.resolve(cfg)
                 OmegaConf.set_struct(cfg, True)
                 OmegaConf.set_readonly(cfg, True)
@@ -81,7 +89,11 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
             run(addressed)
         else:
             with config_errors():
-                check_arguments(root / "conf", sys.argv[1:])
+                known = arguments_of(root, script, sys.argv[1:])
+                if {"-h", "--help"} & set(sys.argv[1:]):
+                    sys.stdout.write(_usage(script, known, inspect.getdoc(main) or ""))
+                    return
+                check_arguments(root / "conf", sys.argv[1:], known)
             hydra.main(version_base="1.3", config_path=str(root / "conf"), config_name="config")(run)()
 
     return entry
@@ -111,22 +123,56 @@ def _remedy(path: Path) -> str:
     return ". `dvc repro` writes it again" if path.parts[:1] in WRITTEN else ""
 
 
-def check_arguments(conf: Path, overrides: list[str]) -> None:
+def arguments_of(root: Path, script: str, overrides: Iterable[str] = ()) -> tuple[str, ...]:
+    """Return the arguments that a stage reads: those of its commands in dvc.yaml, and what it writes.
+
+    Commands with another value of an argument do not count, such as those of another `phase`.
+
+    Args:
+        root: the project's folder.
+        script: of the stage. One that is not in dvc.yaml may have any argument.
+        overrides: of the command line.
+    """
+    stages = read_yaml(root / "dvc.yaml", partial(ConfigError, "dvc.yaml", None))["stages"].values()
+    commands = " ".join(entry.get("do", entry)["cmd"] for entry in stages)
+    texts = re.findall(rf"python -m stages\.{script}\b(.*?)(?=python -m|$)", commands)
+    if not texts:
+        return ARGUMENTS
+    runs = [dict(re.findall(r" \+(\w+)=(\S+)", text)) for text in texts]
+    given = dict(re.findall(r"^\+{1,2}(\w+)=(.*)", "\n".join(overrides), re.MULTILINE))
+    alike = [run for run in runs if all("$" in run.get(k, "$") or run[k] == v for k, v in given.items())]
+    outputs = OUTPUTS if script in WITH_CURVE else ("out",)
+    read = {*itertools.chain(*(alike or runs)), *outputs}
+    return tuple(name for name in ARGUMENTS if name in read)
+
+
+def _usage(script: str, arguments: Iterable[str], purpose: str) -> str:
+    """Word the help of a stage that is run by hand."""
+    shown = " ".join(f"[+{name}=...]" for name in arguments)
+    return (
+        f"usage: python -m stages.{script} {shown} [KEY=VALUE ...]\n\n{purpose}\n\n"
+        "KEY=VALUE changes the configuration of this run, such as scale=smoke; +out= writes elsewhere.\n"
+        "`--cfg job` prints the configuration. `--multirun KEY=A,B` runs the stage once per value; give\n"
+        "each run its folder, as in '+out=build/${training.main.lr}'. `--hydra-help` lists further options.\n"
+    )
+
+
+def check_arguments(conf: Path, overrides: list[str], known: Collection[str] = ARGUMENTS) -> None:
     """Refuse a misspelt `+argument=` or `+key.of.conf=`, which Hydra adds where nobody reads it.
 
     Args:
         conf: folder of the configuration.
         overrides: of the command line.
+        known: arguments that are read.
 
     Raises:
-        ConfigError: it is no argument of a stage, and nothing in conf/.
+        ConfigError: it is no argument that is read, and nothing in conf/.
     """
     added = r"^\+{1,2}((\w+)[.\w]*)=(.*)"
     for key, group, value in re.findall(added, "\n".join(overrides), re.MULTILINE):
-        if key not in ARGUMENTS and not (conf / group).exists():
-            rule = (
-                f"no stage has this argument and conf/ has no such key; arguments are {', '.join(ARGUMENTS)}"
-            )
+        if key not in known and not (conf / group).exists():
+            who = "this stage does not read" if key in ARGUMENTS else "no stage has"
+            rule = f"{who} this argument and conf/ has no such key; arguments are {', '.join(known)}"
             raise ConfigError(key, value, rule)
 
 

@@ -34,6 +34,7 @@ from tools import ablate
 ROOT = Path(__file__).parents[1]
 ABLATIONS = sorted((ROOT / "conf" / "ablations").glob("*.yaml"))
 PIPELINE = read("dvc.yaml")["stages"]
+SIM = "reports/metrics/sim.json"
 
 
 def composed_points(ablation):
@@ -180,7 +181,7 @@ def test_a_point_that_does_not_exist_is_named_beside_those_that_do(monkeypatch):
 
 def test_a_point_without_overrides_is_in_order():
     ablation = read_ablation(ABLATIONS[0].with_stem("reach"))
-    ablate.check_points(dataclasses.replace(ablation, points={"a": []}), ROOT / "conf")
+    ablate.check_points(dataclasses.replace(ablation, points={"1": []}), ROOT / "conf")
 
 
 @pytest.mark.parametrize(
@@ -188,15 +189,64 @@ def test_a_point_without_overrides_is_in_order():
     [
         ({"methods": ["lstmm"]}, "key 'methods' = 'lstmm': choose some of .*lstm, "),
         ({"references": ["kalman"]}, "key 'references' = 'kalman': choose some of .*kalman_cv, "),
-        ({"points": {"a": [], "b": ["training.main.stepz=5"]}}, "training.main.stepz"),
-        ({"points": {"b": ["training.main.steps=-5"]}}, "training.main.steps"),
+        ({"points": {"1": [], "2": ["training.main.stepz=5"]}}, "training.main.stepz"),
+        ({"points": {"2": ["training.main.steps=-5"]}}, "training.main.steps"),
+        ({"points": {"wide": []}}, "key 'points' = 'wide': with an axis, .* a positive number"),
+        ({"points": {}}, "key 'points' = None: name one at least"),
+        ({"methods": []}, "key 'methods' = None: name one at least"),
+        ({"targets": ["gathr@sim"]}, "key 'targets' = 'gathr': choose one of .*gather, "),
+        ({"targets": ["gather@real"]}, "key 'metrics' = 'reports/metrics/sim.json': no target writes"),
+        ({"metrics": "reports/metrics/simulation.json"}, "key 'metrics' = .*no target writes this file"),
+        ({"entry": "sim_tset"}, "key 'entry' = 'sim_tset': study sim tests sim_test"),
+        ({"columns": {"a": Column(SIM, "sim_tset")}}, "key 'columns' = 'sim_tset': study sim tests sim_test"),
+        (
+            {"columns": {"a": Column(SIM, "sim_test", "fde")}},
+            "key 'columns' = 'fde': choose one of .*fde_m, ",
+        ),
+        ({"columns": {"a": Column(SIM, "sim_test", over="kf")}}, "key 'columns' = 'kf': choose some of "),
+        ({"columns": {"a": Column("reports/metrics/real.json", "eth")}}, "key 'metrics' = .*/real.json"),
+        ({"curves": {"lstmm": "reports/curves/sim/main_lstm.tsv"}}, "key 'curves' = 'lstmm': choose some"),
+        ({"curves": {"lstm": "reports/curve/main_lstm.tsv"}}, "key 'curves' = .*: no stage writes this file"),
+        (
+            {"always": ["methods.networks.lstm.where=[real]"]},
+            "'methods.lstm.where' = .*sim_test is simulated",
+        ),
     ],
 )
-def test_a_misspelt_method_or_override_is_found_before_any_point_runs(changes, named):
-    """The figures of a method are looked up when all points have been trained, for hours."""
+def test_what_an_ablation_cannot_show_is_found_before_any_point_runs(changes, named):
+    """Figures are looked up when all points have been trained, for hours."""
     ablation = read_ablation(ABLATIONS[0].with_stem("reach"))
     with pytest.raises((ConfigError, ValueRuleError), match=named):
-        ablate.check_points(dataclasses.replace(ablation, **{"points": {"a": []}} | changes), ROOT / "conf")
+        ablate.check_points(dataclasses.replace(ablation, **{"points": {"1": []}} | changes), ROOT / "conf")
+
+
+@pytest.mark.parametrize("path", ABLATIONS, ids=lambda path: path.stem)
+def test_what_the_ablations_here_show_is_in_order(path):
+    ablation = read_ablation(path)
+    first = dict([next(iter(ablation.points.items()))])
+    ablate.check_points(dataclasses.replace(ablation, points=first), ROOT / "conf")
+
+
+def test_the_ablation_that_the_page_shows_is_in_order(tmp_path):
+    page = (ROOT / "docs" / "ablations.md").read_text()
+    (path := tmp_path / "memory.yaml").write_text(re.search("```yaml\n(.*?)```", page, re.DOTALL)[1])
+    ablate.check_points(read_ablation(path), ROOT / "conf")
+
+
+def test_a_single_room_of_a_test_set_can_be_shown():
+    ablation = read_ablation(ABLATIONS[0].with_stem("reach"))
+    of_room = dataclasses.replace(ablation, points={"1": []}, entry="sim_test_office")
+    ablate.check_points(of_room, ROOT / "conf")
+
+
+@pytest.mark.parametrize(
+    ("there", "said"),
+    [({}, "'entry' = 'sim_test': choose one of "), ({"sim_test": {"lstm": {}}}, "'methods' = 'kalman_cv': ")],
+)
+def test_a_figure_that_no_run_measured_is_named(there, said):
+    ablation = read_ablation(ABLATIONS[0].with_stem("reach"))
+    with pytest.raises(ConfigError, match=said):
+        ablate.check_measured(ablation, {"0.1": {ablation.metrics: there}})
 
 
 def test_a_misspelt_key_is_refused(tmp_path):

@@ -9,11 +9,13 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from omegaconf import OmegaConf
 
 from pedpred import config
 from pedpred.errors import ConfigError, StorageError, ValueRuleError
 from stages.config import SHARED_PARTS, write_shared
+from tests.configuration import read
 from tests.conftest import ROOT
 
 DVC_YAML = """
@@ -64,6 +66,8 @@ def main(cfg):
     Path(cfg.get("out") or "seen.txt").write_text(seen)
     if cfg.get("out") == "spill.txt":
         cfg.models.lstm
+    if cfg.get("curve"):
+        Path(cfg.curve).write_text("step")
 
 
 if __name__ == "__main__":
@@ -255,6 +259,78 @@ def test_what_is_added_by_hand_where_nobody_reads_it_is_refused(project, look, a
     key = added.lstrip("+").partition("=")[0]
     assert f"configuration key '{key}' = '1': no stage has this argument" in look("+name=eth", added)
     assert not (project / "seen.txt").exists()
+
+
+@pytest.mark.parametrize(
+    ("script", "expected"),
+    [
+        ("train", "name phase fold out curve"),
+        ("pretrain_autoencoder", "out curve"),
+        ("encode", "rows out"),
+        ("gather", "name out"),
+        ("situations", "name kind out"),
+        ("mine", " ".join(config.ARGUMENTS)),
+    ],
+)
+def test_arguments_of_a_stage_are_those_of_its_commands(script, expected):
+    assert " ".join(config.arguments_of(ROOT, script)) == expected
+
+
+@pytest.mark.parametrize(
+    ("phase", "expected"),
+    [
+        ("main", "name phase out curve"),
+        ("finetune", "name phase fold out curve"),
+        ("adaptation", "name phase fold out curve"),
+        ("mian", "name phase fold out curve"),
+    ],
+)
+def test_a_training_has_the_arguments_of_its_phase(phase, expected):
+    given = ["scale=smoke", "+name=lstm", f"+phase={phase}", "+out=build/mine"]
+    assert " ".join(config.arguments_of(ROOT, "train", given)) == expected
+
+
+@pytest.mark.parametrize("added", ["+fold=all", "+curve=mine.tsv"])
+def test_an_argument_of_another_stage_is_refused(project, look, added):
+    commands = DVC_YAML.replace("plain: {cmd: x", "plain: {cmd: python -m stages.look +name=eth")
+    (project / "dvc.yaml").write_text(commands)
+    said = look("+name=eth", added)
+    assert "this stage does not read this argument" in said
+    assert said.endswith("arguments are name, out")
+    assert not (project / "seen.txt").exists()
+
+
+@pytest.mark.parametrize("script", sorted(path.stem for path in (ROOT / "stages").glob("*.py")))
+def test_stages_with_a_curve_are_known(script):
+    reads = "curve" in re.findall(r'cfg\.get\("(\w+)"', (ROOT / f"stages/{script}.py").read_text())
+    assert reads == (script in config.WITH_CURVE)
+
+
+@pytest.mark.parametrize(("given", "curve"), [((), "mine.txt.tsv"), (("+curve=mine.tsv",), "mine.tsv")])
+def test_the_curve_of_a_trial_is_written_beside_it(project, given, curve):
+    shutil.move(project / "stages" / "look.py", project / "stages" / "train.py")
+    run = python(project, "stages.train", "+out=mine.txt", *given)
+    assert run.returncode == 0, run.stderr
+    assert (project / curve).read_text() == "step"
+
+
+def test_help_names_purpose_and_arguments_of_a_stage():
+    run = python(ROOT, "stages.train", "--help")
+    assert run.returncode == 0, run.stderr
+    first, *lines = run.stdout.splitlines()
+    arguments = "[+name=...] [+phase=...] [+fold=...] [+out=...] [+curve=...]"
+    assert first == f"usage: python -m stages.train {arguments} [KEY=VALUE ...]"
+    assert "Train network `name` in `phase`" in lines[1]
+
+
+def test_runs_of_several_values_leave_nothing_beside_their_outputs(project):
+    settings = read("conf/config.yaml")["hydra"]
+    with (project / "conf" / "config.yaml").open("a") as file:
+        file.write(yaml.safe_dump({"hydra": settings}))
+    before = {path.name for path in project.iterdir()}
+    run = python(project, "stages.look", "--multirun", "training.rate=1,2", "+out=${training.rate}.txt")
+    assert run.returncode == 0, run.stderr
+    assert {path.name for path in project.iterdir()} - before == {"1.txt", "2.txt", "build"}
 
 
 @pytest.mark.parametrize(("folder", "remedy"), [("data/none", ". `dvc repro` writes it again"), ("none", "")])

@@ -3,6 +3,7 @@
 import argparse
 import ast
 import importlib
+import re
 import runpy
 import sys
 
@@ -30,6 +31,19 @@ def test_every_command_looks_at_its_arguments():
     commands = {path.name: path.read_text() for path in files if "__main__" in path.read_text()}
     assert len(commands) > 20
     assert [name for name, text in commands.items() if not any(how in text for how in PARSES)] == []
+
+
+def test_every_usage_shows_how_the_command_is_run():
+    for folder in ("tools", "benchmarks"):
+        for path in (ROOT / folder).glob("*.py"):
+            parsers = re.findall(r"ArgumentParser\((.*?)description", path.read_text(), re.DOTALL)
+            named = [f'prog="python -m {folder}.{path.stem}"' in before for before in parsers]
+            assert all(named) or path.stem in ("arguments", "pages"), path  # these are told the command
+
+
+def test_the_usage_of_a_table_shows_how_the_command_is_run(monkeypatch, capsys):
+    assert ended(monkeypatch, "benchmarks.noise", "--help") == 0
+    assert capsys.readouterr().out.startswith("usage: python -m benchmarks.noise [-h]")
 
 
 @pytest.mark.parametrize("module", WITHOUT)

@@ -11,13 +11,16 @@ import argparse
 import itertools
 import json
 import logging
+import math
+import re
 import subprocess
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from dvc.repo import Repo
@@ -26,10 +29,12 @@ from tqdm import tqdm
 
 from pedpred.config import composed, config_errors, one_of, plain, read_params
 from pedpred.errors import ConfigError
-from pedpred.files import check_output, write_json, write_text
+from pedpred.files import check_output, read_yaml, write_json, write_text
+from pedpred.metrics.table import METRICS
 from pedpred.plain import parse_yaml
 from pedpred.report.ablation import (
     Ablation,
+    Column,
     ablation_figure,
     ablation_table,
     point_rows,
@@ -47,6 +52,8 @@ if TYPE_CHECKING:
     from dvc.repo.experiments.queue.celery import LocalCeleryQueue
 
 PATIENCE_S = 2.0  # between two looks at the queue
+_FIGURES = [*METRICS, *(f"{key}_minus_reference" for key in METRICS), "windows", "eligible", "tracks"]
+_STUDY = re.compile(r"reports/metrics/(\w+)\.json")
 _LOOKS = 30  # until workers are started again, in case that one has died: DVC starts only missing ones
 
 
@@ -122,7 +129,7 @@ def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) ->
 
 def measures(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict]:
     """The metric files that the ablation reads: point -> file -> contents."""
-    files = {ablation.metrics, *(column.metrics for column in ablation.columns.values())}
+    files = {column.metrics for column in _columns(ablation)}
     return {
         point: {file: json.loads(said_by("git", "show", f"{reference}:{file}")) for file in sorted(files)}
         for point, reference in references.items()
@@ -142,25 +149,111 @@ def learning(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dic
 
 
 def check_points(ablation: Ablation, conf: Path) -> None:
-    """Check that each point can be composed and has the methods that are shown, before any of them runs.
+    """Check that each point can be composed and measures what is shown, before any of them runs.
 
     Raises:
-        ConfigError, ValueRuleError: an override names no key or breaks a rule, or a method is unknown.
+        ConfigError, ValueRuleError: an override names no key or breaks a rule; a method, file, test set or
+            figure that is shown is unknown, or the name of a point is no number and has to be one.
     """
+    if not (ablation.points and ablation.methods):
+        raise ConfigError("points" if ablation.methods else "methods", None, "name one at least")
+    for name in ablation.points:
+        if ablation.axis and not _is_positive(name):
+            rule = "with an axis, which has a logarithmic scale, each name must be a positive number"
+            raise ConfigError("points", name, rule)
+    stages = read_yaml(conf.parent / "dvc.yaml", partial(ConfigError, "dvc.yaml", None))["stages"]
+    written = [out for target in ablation.targets for out in _outputs(stages, *target.split("@"))]
+    curves = [out for stage in stages for out in _outputs(stages, stage)]
+    for column in _columns(ablation):
+        _check_file("metrics", column.metrics, written)
+        if column.figure not in _FIGURES:
+            raise ConfigError("columns", column.figure, f"choose one of {', '.join(_FIGURES)}")
+    for path in ablation.curves.values():
+        _check_file("curves", path, curves)
     for overrides in ablation.points.values():
         point = parse_yaml(composed(conf, [*ablation.always, *overrides]))
         check_parts(point)
-        known = [key for rows in point["methods"].values() for key in rows]
-        for field in ("methods", "references"):
-            for method in getattr(ablation, field):
-                if method not in known:
-                    raise ConfigError(field, method, f"choose some of {', '.join(known)}")
+        _check_shown(ablation, point)
+
+
+def _is_positive(name: str) -> bool:
+    """Whether the name of a point has a place on a logarithmic scale."""
+    try:
+        return 0.0 < float(name) < math.inf
+    except ValueError:
+        return False
+
+
+def _columns(ablation: Ablation) -> list[Column]:
+    """The main figure of an ablation, and its further ones."""
+    return [Column(ablation.metrics, ablation.entry), *ablation.columns.values()]
+
+
+def _outputs(stages: Mapping[str, Any], stage: str, key: str = "") -> list[str]:
+    """Regular expressions of the files that a stage of dvc.yaml writes, or its row `key` does.
+
+    Raises:
+        ConfigError: there is no such stage.
+    """
+    entry = one_of("targets", stage, stages)
+    body = entry.get("do", entry)
+    files = [next(iter(each)) if isinstance(each, dict) else each for each in body.get("outs", [])]
+    named = [file.replace("${key}", key) if key else file for file in files]
+    return [re.sub(r"\\\$\\\{.*?\\\}", ".+", re.escape(file)) for file in named]
+
+
+def _check_file(field: str, path: str, written: Sequence[str]) -> None:
+    """Check that stages write a file; one that they do not would be missed when all points are done."""
+    if not any(re.fullmatch(pattern, path) for pattern in written):
+        rule = "no target writes this file" if field == "metrics" else "no stage writes this file"
+        raise ConfigError(field, path, rule)
+
+
+def _check_shown(ablation: Ablation, point: Mapping[str, Any]) -> None:
+    """Check that a point has the methods that are shown, and applies them to the test sets that are."""
+    where = {key: row["where"] for rows in point["methods"].values() for key, row in rows.items()}
+    every = {name: getattr(ablation, name) for name in ("methods", "references")}
+    others = [column.over for column in ablation.columns.values() if column.over]
+    for field, methods in (every | {"columns": others, "curves": [*ablation.curves]}).items():
+        for method in methods:
+            if method not in where:
+                raise ConfigError(field, method, f"choose some of {', '.join(where)}")
+    for number, column in enumerate(_columns(ablation)):
+        study = _STUDY.fullmatch(column.metrics)
+        if study is None or study[1] not in point["folds"]:
+            continue  # of no study of conf/folds
+        tests = [at for fold in point["folds"][study[1]].values() for at in fold["test"]]
+        named = [at for at in tests if f"{column.entry}_".startswith(f"{at.partition('/')[2]}_")]
+        if not named:
+            field = "columns" if number else "entry"
+            rule = f"study {study[1]} tests {', '.join(at.partition('/')[2] for at in tests)}"
+            raise ConfigError(field, column.entry, rule)
+        kind = named[0].partition("/")[0]
+        shown = [ablation.methods[-1], column.over] if number else [*every["methods"], *every["references"]]
+        for method in filter(None, shown):
+            if kind not in where[method]:
+                raise ConfigError(f"methods.{method}.where", where[method], f"{column.entry} is {kind}")
+
+
+def check_measured(ablation: Ablation, measured: Mapping[str, Mapping[str, Any]]) -> None:
+    """Check that each point has the main figure of all methods, which a place without recording lacks.
+
+    Raises:
+        ConfigError: one has not; it is named.
+    """
+    for point, files in measured.items():
+        entries = files[ablation.metrics]
+        figures = one_of("entry", ablation.entry, entries)
+        for method in (*ablation.references, *ablation.methods):
+            if method not in figures:
+                rule = f"{ablation.metrics} of point {point} has {', '.join(figures)} at {ablation.entry}"
+                raise ConfigError("methods", method, rule)
 
 
 @config_errors()
 def main() -> None:
     """Run all points, write the figures."""
-    parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
+    parser = argparse.ArgumentParser(prog="python -m tools.ablate", description=__doc__.partition(":")[0])
     parser.add_argument("name", help="a file in conf/ablations, without .yaml")
     parser.add_argument("--jobs", type=count, default=1, help="points at a time")
     parser.add_argument("--point", action="append", help="run this point only; may be repeated")
@@ -176,7 +269,9 @@ def main() -> None:
     check_points(ablation, Path("conf"))
     experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
     references = reproduced(ablation, experiments, options.jobs)
-    rows = point_rows(ablation, measures(ablation, references))
+    measured = measures(ablation, references)
+    check_measured(ablation, measured)
+    rows = point_rows(ablation, measured)
     params = plain(read_params(Path()))
     methods = Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
     tables = [ablation_table(ablation, rows, methods)]

@@ -105,7 +105,9 @@ def _digest(raw: bytes) -> str:
 @user_errors()
 def main() -> None:
     """Print or compare."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m tools.checksums", description=(__doc__ or "").partition("\n")[0]
+    )
     parser.add_argument("folder", type=Path, help="project folder that has been reproduced")
     parser.add_argument("--against", type=Path, help="file with lines of an earlier call")
     options = parser.parse_args()

@@ -16,7 +16,7 @@ from pedpred.report.comparison import changes, changes_table, metrics_at, metric
 @user_errors()
 def main() -> None:
     """Print the comparison; fail when something got worse beyond its interval."""
-    parser = argparse.ArgumentParser(description=__doc__.partition(":")[0])
+    parser = argparse.ArgumentParser(prog="python -m tools.compare", description=__doc__.partition(":")[0])
     parser.add_argument("revision", help="a commit, branch or tag")
     parser.add_argument("--folder", type=Path, default=Path("reports/metrics"))
     options = parser.parse_args()

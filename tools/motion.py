@@ -88,7 +88,7 @@ def _mean(values: np.ndarray) -> float:
 @user_errors()
 def main() -> None:
     """Print a row per recording and per kind of world."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m tools.motion", description=__doc__.partition("\n\n")[0])
     add_recordings(parser)
     parser.add_argument("--worlds", type=count, default=12, help="of each kind (default: %(default)s)")
     arguments = parser.parse_args()

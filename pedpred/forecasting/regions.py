@@ -18,7 +18,7 @@ was learned between a forecast and its comparison is applied to it before, or th
 corrected again and again for up to 3 s. A detection has noise, which is no error of the forecast: its
 declared variance is added to that of the forecast before they are compared. What is much smaller than the
 noise cannot be told from it, so no standard deviation shrinks below a share of the noise. Detections in a
-burst, which follow the last kept one within `pedpred.tracking.kalman.SPACING_S`, are left out.
+burst, which follow the last kept one within `pedpred.tracking.spacing.SPACING_S`, are left out.
 """
 
 from __future__ import annotations

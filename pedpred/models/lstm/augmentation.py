@@ -26,7 +26,7 @@ class Augmentation:
 
     Attributes:
         map_swap: share of the tracks that are mirrored about their heading and get the obstacles of the
-            next lane.
+            lane before.
         speed_scale: factor on all velocities of a track, uniform in (least, most).
         standing_share: share of the tracks whose velocities are divided by ten or more.
         velocity_noise_mps: standard deviation of the noise on each component of the input velocity, m/s.
