@@ -339,5 +339,5 @@ def test_a_doubt_that_comes_and_goes_is_told_once(caplog):
     robot = OnlinePredictor.load()
     for k in range(100):
         new = 4 if k // 10 % 2 else 2
-        robot.update(0.1 * k, np.where(IDS < new, IDS + 6 * (k + 1), IDS), CROWD + 0.1 * k * SPEED)
+        robot.update(0.1 * k, np.where(new > IDS, IDS + 6 * (k + 1), IDS), CROWD + 0.1 * k * SPEED)
     assert caplog.text.count("ids that are new") == 1
