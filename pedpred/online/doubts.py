@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -74,8 +74,7 @@ _KINDS = {
 }
 
 
-@dataclass(frozen=True)
-class Count:
+class Count(NamedTuple):
     """What is known of one kind: odd ones of those judged, in some frames; whether there are too many.
 
     Attributes:
@@ -94,14 +93,11 @@ class Count:
         """The count after a frame: `odd` for each of those who are judged. [N] bool."""
         if not len(odd):
             return self
-        now = replace(
-            self, odd=self.odd + int(odd.sum()), judged=self.judged + len(odd), frames=self.frames + 1
-        )
-        if now.frames < _FRAMES or now.judged < _JUDGED:
-            return now
+        found, judged, frames = self.odd + np.count_nonzero(odd), self.judged + len(odd), self.frames + 1
+        if frames < _FRAMES or judged < _JUDGED:
+            return Count(found, judged, frames, self.text)
         most = kind.most * (0.5 if self.text else 1.0)  # what comes and goes is told once
-        text = f"{now.odd} of the last {now.judged} {kind.wrong}" if now.odd > most * now.judged else ""
-        return Count(text=text)
+        return Count(text=f"{found} of the last {judged} {kind.wrong}" if found > most * judged else "")
 
 
 @dataclass(frozen=True)
