@@ -75,19 +75,24 @@ def finished() -> dict[str, str]:
     return {reference.rpartition("/")[2]: reference for reference in references}
 
 
-def leave_queue(names: Collection[str]) -> None:
-    """End what an interrupted call left in the queue: under the same name, it may have had other settings.
-
-    Stages that have ended come from DVC's cache.
+def open_project() -> Repo:
+    """Open the project with DVC.
 
     Raises:
         SystemExit: there is no git repository, without which DVC has no queue.
     """
     try:
-        opened = Repo()
+        return Repo()
     except SCMError as error:
         raise SystemExit(str(error)) from error
-    with opened as project:
+
+
+def leave_queue(names: Collection[str]) -> None:
+    """End what an interrupted call left in the queue: under the same name, it may have had other settings.
+
+    Stages that have ended come from DVC's cache.
+    """
+    with open_project() as project:
         queue = project.experiments.celery_queue
         queue.clear(failed=True)
         for status, command in (("Queued", "remove"), ("Running", "kill")):
@@ -266,6 +271,7 @@ def main() -> None:
         ablation = replace(ablation, points=points)
     out = options.out or Path("build/ablations" if options.point else "reports/ablations")
     check_output(out, folder=True)
+    open_project().close()
     check_points(ablation, Path("conf"))
     experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
     references = reproduced(ablation, experiments, options.jobs)

@@ -21,7 +21,9 @@ than such a speed explains, and if each is nearer to where another one is, by th
 _JUMPING, _FITTING, _NOISE_M, _ENOUGH = 0.2, 0.8, 0.2, 1000
 """Ids change hands if more than the first share of steps is one of swaps, and if for more than the second
 share of these the cheapest pairs with the people of the next instant walk, within this error of detections,
-or the same id walks if every other detection is left out. So many such steps are looked at."""
+or the same id walks if every other detection is left out, by no more than `_BACK` of the steps between. So
+many such steps are looked at."""
+_BACK = 0.5
 
 
 def check_identity(ids: Sequence[Sequence[str]], time_s: np.ndarray, position: Sequence[np.ndarray]) -> None:
@@ -113,7 +115,9 @@ def _return(time_s: np.ndarray, place: np.ndarray, is_step: np.ndarray) -> np.nd
     """Which steps, of those between rows, lead to where the id was before, or away from where it is next."""
     near = np.zeros(len(is_step) + 1, bool)  # of step k - 1 and the next one
     gap_s, way_m = time_s[2:] - time_s[:-2], np.linalg.norm(place[2:] - place[:-2], axis=1)
-    near[1:-1] = is_step[:-1] & is_step[1:] & (way_m <= _NOISE_M + _WALKING_MPS * gap_s)
+    step_m = np.linalg.norm(np.diff(place, axis=0), axis=1)
+    walks = way_m <= np.minimum(_NOISE_M + _WALKING_MPS * gap_s, _BACK * np.minimum(step_m[:-1], step_m[1:]))
+    near[1:-1] = is_step[:-1] & is_step[1:] & walks
     return near[:-1] | near[1:]
 
 
