@@ -58,10 +58,12 @@ def test_drives_that_are_interrupted_go_on_where_they_were(tmp_path, monkeypatch
                 signal.raise_signal(signal.SIGINT)
             yield done
 
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs ignore it
     with monkeypatch.context() as patch:
         patch.setattr(driving, "run", stopped)
         with pytest.raises(SystemExit) as ended:
             driven(table, *INTERRUPTED, "--episodes", "5000")
+    signal.signal(signal.SIGINT, before)
     assert ended.value.code == 130
     goes_on(table, tmp_path / "whole.csv")
 
