@@ -82,8 +82,9 @@ class MixtureFeatures:
             "neighbours": nearest,
             **self.obstacle_inputs(seen.occupancy, position, heading),
         }
+        shapes = self.shapes()
         return {
-            name: values.reshape(len(position), *self.shapes()[name]).astype(np.float32)
+            name: values.reshape(len(position), *shapes[name]).astype(np.float32)
             for name, values in channels.items()
         }
 
