@@ -2,6 +2,7 @@
 
 import copy
 import logging
+import pickle
 
 import numpy as np
 import pytest
@@ -344,3 +345,11 @@ def test_a_doubt_that_comes_and_goes_is_told_once(caplog):
         new = 4 if k // 10 % 2 else 2
         robot.update(0.1 * k, np.where(new > IDS, IDS + 6 * (k + 1), IDS), CROWD + 0.1 * k * SPEED)
     assert caplog.text.count("ids that are new") == 1
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda robot: pickle.loads(pickle.dumps(robot))])  # noqa: S301
+def test_a_copy_without_a_map_does_not_doubt_one(copied):
+    robot = copied(OnlinePredictor.load())
+    for k in range(20):
+        robot.update(0.1 * k, IDS, CROWD + 20.0 + 0.1 * k * SPEED)
+    assert not robot.doubts

@@ -71,7 +71,7 @@ class OnlinePredictor:
             learns = self._about.learn_noise and self._settings.tracker is None
         self._bank = KalmanBank.around(self._about.tracker, learns)
         self._chain = Chain(noise_m=self._settings.detection_noise_m, trust=self._settings.learn_trust)
-        self._map = NO_MAP
+        self._map: OccupancyMap | None = None
         self.name: Callable[[int], object] = int
         self.reset()
 
@@ -175,7 +175,7 @@ class OnlinePredictor:
         checked: object = occupancy
         if not isinstance(checked, OccupancyMap):
             raise ValueRuleError("occupancy", checked, "it must be an OccupancyMap")
-        self._map = occupancy
+        self._map = None if occupancy is NO_MAP else occupancy
 
     def correct(self, turn_rad: float, shift: np.ndarray) -> None:
         """Move all people known so far, as where a robot finds that it is elsewhere on its map.
@@ -236,8 +236,7 @@ class OnlinePredictor:
         people = self._made_up(people, now - self._settings.snap_s)
         lost = now - people.seen_s > longest_s
         people = people.select(~lost) if lost.any() else people
-        occupancy = None if self._map is NO_MAP else self._map
-        doubts, before = self._doubts.after(people, frame, occupancy), self._doubts
+        doubts, before = self._doubts.after(people, frame, self._map), self._doubts
         self._people, self._place, self._last = self._detected(people, place, frame, now)
         self._doubts = doubts
         doubts.tell(before, now)
@@ -376,7 +375,8 @@ class OnlinePredictor:
         around = Neighbours.together(crowd, len(observers))
         past = past_of(people.past, person, people.seen_s, people.detection, people.covariance)
         now_s, features = np.full(len(observers), time_s), self._about.features
-        seen = Surroundings(observers, past, now_s, around, self._map)
+        ground = NO_MAP if self._map is None else self._map
+        seen = Surroundings(observers, past, now_s, around, ground)
         inputs = features.graph_inputs(features.compute(seen, self.protocol.dt_s))
         return {name: inputs[name] for name in self._about.inputs}
 
