@@ -11,6 +11,7 @@ import yaml
 from hypothesis import settings
 
 from pedpred.online import graph
+from tests.not_run import pytest_sessionfinish as pytest_sessionfinish
 from tests.plain_git import PLAIN_GIT
 
 settings.register_profile("pedpred", deadline=None, derandomize=True)
@@ -39,7 +40,11 @@ def raw_folder(data_set: str) -> Path:
     for place in (os.environ.get("PEDPRED_MIRROR"), *about["folders"], f"data/raw/{data_set}"):
         if place and all((ROOT / place / name).exists() for name in needed):
             return ROOT / place
-    pytest.skip(f"{', '.join(needed)} are not here: put them into mirror/{data_set} or set PEDPRED_MIRROR")
+    pytest.skip(f"needs recordings in mirror/ or $PEDPRED_MIRROR: {data_set}")
+
+
+with_ros = pytest.mark.skipif(not os.environ.get("PEDPRED_REQUIRE_ROS"), reason="needs `make ros`")
+"""For tests that ROS takes part in, or definitions or tools that come with it."""
 
 
 @pytest.fixture(scope="session")
@@ -89,7 +94,7 @@ def narrow_lstm():
         with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16):
             torch.nn.LSTM(8, 8)(torch.zeros(1, 1, 8))
     except RuntimeError as reason:
-        pytest.skip(f"no bfloat16 LSTM here: {reason}")
+        pytest.skip(f"needs a processor with bfloat16 LSTMs: {reason}")
 
 
 @pytest.fixture(scope="session")
@@ -101,7 +106,7 @@ def browser():
     if path is None and os.environ.get("PEDPRED_REQUIRE_CHROMIUM"):
         pytest.fail("Chromium is required here, but it is not installed")
     if path is None:
-        pytest.skip("the page is tried out in Chromium, which is not installed")
+        pytest.skip("needs Chromium")
     with sync_playwright() as playwright:
         opened = playwright.chromium.launch(executable_path=path, args=["--no-sandbox"])
         yield opened

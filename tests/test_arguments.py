@@ -96,7 +96,7 @@ def test_a_place_that_can_be_written_stays_as_it_is(folder, tmp_path):
     assert os.listdir(tmp_path) == ["old"]
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
+@pytest.mark.skipif(os.geteuid() == 0, reason="needs a user other than root")
 def test_a_folder_without_write_access_is_refused(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(OutputError, match="Permission denied"):

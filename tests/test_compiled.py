@@ -64,7 +64,7 @@ def test_loops_are_compiled_in_one_way():
     assert [path.name for path in sources if "from numba" in path.read_text()] == ["compiled.py"]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="threads are counted in /proc")
+@pytest.mark.skipif(sys.platform != "linux", reason="needs Linux")
 @pytest.mark.parametrize("script", [MANY, UPDATES], ids=["loops", "updates"])
 def test_loops_run_in_the_calling_thread(script):
     done = run(script, NUMBA_NUM_THREADS="4", OMP_NUM_THREADS="4")

@@ -18,7 +18,7 @@ from tests import test_learning as sequences
 from tests.exported import lstm, widths_of
 from tests.test_processes import VARIED
 
-pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
+pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
 
 CUDA = DistributedContext(torch.device("cuda", 0))
 folders = instants.folders

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from pedpred.errors import SourceError
-from pedpred.sources import SOURCES
 from pedpred.sources.eth_ucy import read_text
-from tests.conftest import raw_folder
-from tests.worlds import PLACES
+from tests.worlds import EXCERPT, recorded
 
 SETTINGS = {
     "recording": "street",
@@ -18,6 +16,7 @@ SETTINGS = {
 }
 ROWS = ["0.0\t1.0\t2.0\t3.0", "0.0\t2.0\t-4.0\t6.0", "10.0\t1.0\t2.5\t3.0"]
 FACTS = {  # people, detections, last frame
+    EXCERPT: (17, 381, 1740),
     "zara01": (148, 5153, 9010),
     "zara02": (204, 9722, 10520),
     "zara03": (137, 5005, 7530),
@@ -61,8 +60,7 @@ def test_a_wrong_row_is_named(tmp_path, rows, message):
 @pytest.mark.parametrize("name", FACTS)
 def test_the_recordings_have_the_known_people(name):
     """Counted in the files with numpy.loadtxt."""
-    row = PLACES[name]
-    scene = SOURCES[row["source"]](raw_folder("eth_ucy"), name, row["settings"])
+    scene = recorded(name)
     seen, (people, detections, last) = scene.trajectories, FACTS[name]
     assert (len(np.unique(seen.track_id)), len(seen)) == (people, detections)
     assert seen.time_s.max() == last / 25

@@ -28,9 +28,9 @@ FACTS = {p: {name: pair[k] for name, pair in PAIRS.items()} for k, p in enumerat
 
 
 @pytest.fixture(scope="module", params=FACTS)
-def real(request, ewap_folder):
+def real(request):
     """A real scene, as configured, and what is known about it."""
-    return recorded(ewap_folder, request.param), FACTS[request.param]
+    return recorded(request.param), FACTS[request.param]
 
 
 def test_real_detections(real):

@@ -12,7 +12,7 @@ from pedpred.literature.stretches import find_stretches
 from pedpred.literature.windows import find_windows
 from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import KalmanBank, KalmanSettings
-from tests.worlds import empty_map, recorded
+from tests.worlds import EXCERPT, empty_map, recorded
 
 SETTINGS = KalmanSettings(acceleration_noise=0.03, position_noise_m=0.05, initial_speed_mps=1.0)
 
@@ -96,9 +96,12 @@ def last_step_errors(track_id, position):
     return errors
 
 
-@pytest.mark.parametrize(("place", "ade_m", "fde_m"), [("eth", 0.678, 1.344), ("hotel", 0.344, 0.657)])
-def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_m, fde_m):
-    trajectories = recorded(ewap_folder, place).trajectories
+@pytest.mark.parametrize(
+    ("place", "ade_m", "fde_m"),
+    [(EXCERPT, 0.437, 1.039), ("eth", 0.678, 1.344), ("hotel", 0.344, 0.657)],
+)
+def test_real_last_step_errors_are_those_of_a_few_lines(place, ade_m, fde_m):
+    trajectories = recorded(place).trajectories
     errors = last_step_errors(trajectories.track_id, trajectories.position)
     found = windows_of(trajectories, 8, 12)
     results = measured(found)
@@ -107,4 +110,5 @@ def test_real_last_step_errors_are_those_of_a_few_lines(ewap_folder, place, ade_
     assert figures["ade_m"] == pytest.approx(np.mean(errors), abs=1e-5) == pytest.approx(ade_m, abs=5e-4)
     assert figures["fde_m"] == pytest.approx(np.mean(errors, axis=0)[-1], abs=1e-5)
     assert figures["fde_m"] == pytest.approx(fde_m, abs=5e-4)
-    assert tracked["ade_m"] < figures["ade_m"]
+    if place != EXCERPT:  # splines carry no noise that a filter could take away
+        assert tracked["ade_m"] < figures["ade_m"]

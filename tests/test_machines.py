@@ -35,7 +35,7 @@ def allowed():
     return subprocess.run(mount, capture_output=True, check=False).returncode == 0
 
 
-mounting = pytest.mark.skipif(not allowed(), reason="the kernel lets nobody mount here")
+mounting = pytest.mark.skipif(not allowed(), reason="needs mounts of its own")
 
 
 def on_a_machine(out, size, read_only, *command, folder="/"):

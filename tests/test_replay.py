@@ -13,7 +13,7 @@ from pedpred.online.caution import NEWBORN, YOUNG_S
 from pedpred.online.replay import predictions_at, replay_scene
 from pedpred.tracking import KalmanBank
 from tests.exported import TRACKER, forecaster_of
-from tests.worlds import jittered, recorded, walled_scene
+from tests.worlds import EXCERPT, jittered, recorded, walled_scene
 
 
 def everything_asked(scene, kind):
@@ -61,10 +61,10 @@ def test_a_replay_of_irregular_stamps_gives_the_offline_forecasts(request, of, o
     )
 
 
-@pytest.mark.parametrize("place", ["eth", "hotel"])
-def test_real_recordings_give_the_offline_forecasts(place, ewap_folder, model):
+@pytest.mark.parametrize("place", [EXCERPT, "eth", "hotel"])
+def test_real_recordings_give_the_offline_forecasts(place, model):
     """Every detection of the first 40 seconds."""
-    scene = recorded(ewap_folder, place)
+    scene = recorded(place)
     early = scene.trajectories.time_s < scene.trajectories.time_s[0] + 40.0
     scene = dataclasses.replace(scene, trajectories=scene.trajectories.select(early))
     assert_a_replay_agrees(scene, "kalman", model)

@@ -1,12 +1,10 @@
 """The files of ros/pedpred_ros agree with the node."""
 
-import os
 import re
 import runpy
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
-from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import MagicMock
 
@@ -16,8 +14,8 @@ import yaml
 from pedpred.ros2.events import no_callbacks
 from pedpred.ros2.outputs import output_types
 from pedpred.ros2.settings import NodeSettings, fields_of
+from tests.conftest import ROOT, with_ros
 
-ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "ros/pedpred_ros"
 
 
@@ -80,10 +78,9 @@ def test_a_robot_needs_no_libraries_that_read_files():
     assert done.returncode == 0, done.stderr
 
 
+@with_ros
 def test_colcon_can_read_the_package():
     """By catkin_pkg, which colcon asks: it checks the fields by REP 149, addresses and duplicates, too."""
-    if not os.environ.get("PEDPRED_REQUIRE_ROS"):
-        pytest.skip("catkin_pkg comes with the environment of ROS tests: make ros")
     script = "import sys; from catkin_pkg.package import parse_package; said = []; "
     script += "parse_package(sys.argv[1], warnings=said); sys.exit('; '.join(said) or 0)"
     command = [ROOT / "build/ros/bin/python", "-c", script, PACKAGE]

@@ -4,7 +4,6 @@ The definitions are those that the wheels of ROS bring (build/ros, see `make ros
 which RViz (rviz_default_plugins) and the 3D panel of Foxglove leave a message out or warn of it.
 """
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from pedpred.ros.message_types import known_types, serialize
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE
 from pedpred.ros2.outputs import MARKERS_TYPE, PEOPLE_TYPE, output_types
 from pedpred.ros2.settings import NodeSettings
+from tests.conftest import with_ros
 from tests.following import answered, follower_of, people
 
 SHARE = Path(__file__).parents[1] / "build/ros/share"
@@ -47,11 +47,10 @@ def inner_types(fields):
             yield about[0][1]
 
 
+@with_ros
 @pytest.mark.parametrize("kind", sorted(PUBLISHED - UNPUBLISHED))
 def test_every_field_is_that_of_the_published_definition(kind):
     """Names, types and order, also of the types inside; and every constant is there with its value."""
-    if not os.environ.get("PEDPRED_REQUIRE_ROS"):
-        pytest.skip("the published definitions come with the wheels of ROS: make ros")
     waiting, seen = [kind], set()
     while waiting:
         name = waiting.pop()

@@ -8,15 +8,22 @@ import yaml
 
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.sources import SOURCES
+from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanSettings, follow
+from tests.conftest import ROOT, raw_folder
 
-PLACES = yaml.safe_load((Path(__file__).parents[1] / "conf/places/recorded.yaml").read_text())
+PLACES = yaml.safe_load((ROOT / "conf/places/recorded.yaml").read_text())
+EXCERPT = "excerpt"
+"""Half a minute of zara01, which is part of the project (examples/zara01)."""
 
 
-def recorded(ewap_folder, place):
-    """A real scene, as configured."""
+def recorded(place):
+    """A real scene, as configured; the test skips where its recording is nowhere, but for `EXCERPT`."""
+    if place == EXCERPT:
+        return read_text(ROOT / "examples/zara01", place, PLACES["zara01"]["settings"] | {"recording": place})
     row = PLACES[place]
-    return SOURCES[row["source"]](ewap_folder / Path(row["folder"]).name, place, row["settings"])
+    _, _, data_set, *inside = Path(row["folder"]).parts
+    return SOURCES[row["source"]](raw_folder(data_set).joinpath(*inside), place, row["settings"])
 
 
 def empty_map(size_m=20.0, resolution_m=0.1):

@@ -21,6 +21,7 @@ from pedpred.online.assessment import assess
 from pedpred.scenes import Scene
 from pedpred.sources.scene_folder import read_own
 from tests.simulated import SETTINGS, scene_of, short
+from tests.worlds import EXCERPT, recorded
 
 ROOT = Path(__file__).resolve().parents[2]
 COMMITTED = Path(__file__).with_name("figures.json")
@@ -52,6 +53,7 @@ def measured() -> dict[str, dict[str, float]]:
     crossing = read_own(ROOT / "examples" / "crossing")
     return {
         "crossing": as_on_a_robot(crossing),
+        "zara01": as_on_a_robot(recorded(EXCERPT)),
         "office": as_on_a_robot(office) | {"social_force": by_its_own_forces(office)},
     }
 

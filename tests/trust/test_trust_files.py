@@ -229,7 +229,7 @@ LEFT_THERE = {
 @pytest.mark.parametrize("kind", LEFT_THERE)
 def test_what_has_the_name_of_a_writer_s_folder_is_left_alone(kind, precious, tmp_path):
     if kind == "a folder of somebody else" and os.geteuid():
-        pytest.skip("only root can give a folder away")
+        pytest.skip("needs root")
     LEFT_THERE[kind](tmp_path / ".out.mcap.new-0", precious)
     before = contents(tmp_path)
     write_text(tmp_path / "out.mcap", "new")
