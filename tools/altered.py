@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from numba.core.dispatcher import Dispatcher
 
 from tools.mutations import MEDIAN, Mutation, constants
 
@@ -33,47 +32,16 @@ def place_of(code: CodeType) -> tuple[str, str]:
     return os.path.relpath(code.co_filename), _qualified(code).split(".<locals>")[0]
 
 
-class LoadedFunctions:
-    """The functions of this repository that are loaded, and which of them are compiled loops."""
-
-    def __init__(self) -> None:
-        gc.unfreeze()  # what is frozen is not listed
-        loaded = gc.get_objects()
-        root = str(Path.cwd()) + os.sep
-        loops = [one for one in loaded if issubclass(type(one), Dispatcher)]
-        self._loops = {loop.py_func: loop for loop in loops}
-        self._known: dict[tuple[str, str, int], list[FunctionType]] = defaultdict(list)
-        self._calling: dict[str, list[FunctionType]] = defaultdict(list)
-        for one in loaded:
-            if type(one) is not FunctionType or not one.__code__.co_filename.startswith(root):
-                continue
+def loaded_functions() -> dict[tuple[str, str, int], list[FunctionType]]:
+    """The functions of this repository that are loaded, by path, qualified name and first line."""
+    gc.unfreeze()  # what is frozen is not listed
+    found: dict[tuple[str, str, int], list[FunctionType]] = defaultdict(list)
+    root = str(Path.cwd()) + os.sep
+    for one in gc.get_objects():
+        if type(one) is FunctionType and one.__code__.co_filename.startswith(root):
             path, name = place_of(one.__code__)
-            self._known[path, name, one.__code__.co_firstlineno].append(one)
-            for name in set(_names(one.__code__)):
-                self._calling[name].append(one)
-
-    def find(self, path: str, name: str, first_line: int) -> list[FunctionType]:
-        """The functions that were made from these lines."""
-        return self._known.get((path, name, first_line), [])
-
-    def is_compiled(self, function: FunctionType) -> bool:
-        """Whether this is the source of a compiled loop."""
-        return function in self._loops
-
-    def callers(self, function: FunctionType) -> set[tuple[str, str]]:
-        """Places of the Python functions that reach a compiled loop, directly or through other loops."""
-        seen, loops, python = {function}, [function], set()
-        for loop in loops:  # grows
-            for caller in self._calling[loop.__name__]:
-                called = caller.__globals__.get(loop.__name__, self._loops[loop])
-                if called is not self._loops[loop] or caller in seen:
-                    continue
-                seen.add(caller)
-                if caller in self._loops:
-                    loops.append(caller)
-                else:
-                    python.add(place_of(caller.__code__))
-        return python
+            found[path, name, one.__code__.co_firstlineno].append(one)
+    return found
 
 
 def change_functions(tree: ast.Module, mutation: Mutation, targets: Sequence[FunctionType]) -> bool:
@@ -117,13 +85,6 @@ def change_constant(tree: ast.Module, mutation: Mutation, path: str, name: str) 
 def _qualified(code: CodeType) -> str:
     name: str = code.co_qualname  # type: ignore[attr-defined]  # of Python 3.11
     return name
-
-
-def _names(code: CodeType) -> Iterator[str]:
-    yield from code.co_names
-    for inner in code.co_consts:
-        if isinstance(inner, CodeType):
-            yield from _names(inner)
 
 
 def _inside(code: CodeType) -> Iterator[CodeType]:
