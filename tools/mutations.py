@@ -97,6 +97,10 @@ def mutations(function: ast.AST) -> Iterator[Mutation]:
 def _within(node: ast.AST, place: tuple[ast.AST, str, int | None] | None) -> Iterator[Mutation]:
     if isinstance(node, _TEXT) or _is_check(node) or _is_silent(node):
         return
+    if isinstance(node, ast.keyword) and node.arg in ("axis", "dim") and isinstance(node.value, ast.UnaryOp):
+        node, place = node.value, (node, "value", None)  # -1 becomes -2, not 1, which is often the same axis
+        yield from _within(node.operand, (node, "operand", None))
+        return
     for after in _changed(node) if place else ():
         change = f"{_source(node)} -> {_source(after)}"
         yield Mutation(getattr(node, "lineno", 0), change, place, after)  # type: ignore[arg-type]
