@@ -49,7 +49,6 @@ NOT_RUN = {
     "python -m tools.judge": "likewise",
     "make check": "continuous integration runs it beside these tests",
     "make test": "is what runs these tests",
-    "make mutants": "runs these tests for an hour or two",
     "make docs": "test_site.py builds the site, with strict links",
     "make dist": "test_package.py builds the wheel and forecasts with it",
     "pip install": "needs package registries; test_package.py installs the wheel without",
