@@ -69,6 +69,7 @@ SLACK_S = 6.0
 LONGEST_S = 3.0
 """Tests that take longer with interpreted loops are left out."""
 SURVIVED, KILLED, IMPOSSIBLE = range(3)
+"""A change is impossible where the code is no longer valid, or where nothing reads the number again."""
 
 Result = dict[str, Any]
 
@@ -244,8 +245,8 @@ class Trials:
     def _first_failing(self, nodeids: Sequence[str]) -> str:
         """Run tests until one fails."""
         self._config._tmp_path_factory._basetemp = Path(os.environ["TMPDIR"])
-        for nodeid, following in zip(nodeids, [*nodeids[1:], None], strict=True):
-            item, after = self._items[nodeid], following and self._items[following]
+        for k, nodeid in enumerate(nodeids):
+            item, after = self._items[nodeid], self._items[nodeids[k + 1]] if k + 1 < len(nodeids) else None
             self._failed.clear()
             item.ihook.pytest_runtest_protocol(item=item, nextitem=after)
             if self._failed:
@@ -260,8 +261,10 @@ class Trials:
         WORK.mkdir(parents=True, exist_ok=True)
         bar, survived = tqdm(total=len(jobs), desc="mutants", unit="mutant", mininterval=2), 0
         for (mutant, tests), status, failing in run_forked(jobs, self._jobs, WORK / "tmp"):
-            # what ended otherwise ran out of time or memory, or crashed
-            status = status if status in (SURVIVED, IMPOSSIBLE) else KILLED
+            if status < 0:  # ended by a signal: it needed too much time, or crashed
+                status = KILLED
+            elif status > IMPOSSIBLE:
+                status = IMPOSSIBLE
             result: Result = {"status": status, "digest": mutant.digest, "tests": tests}
             if failing:
                 result |= {"by": failing, "by_digest": _file_digest(_file(failing))}
@@ -296,7 +299,7 @@ def _is_valid(old: Result, mutant: Mutant, tests: str) -> bool:
         return False
     if old["status"] == SURVIVED:
         return bool(old["tests"] == tests)
-    return "by" not in old or bool(old["by_digest"] == _file_digest(_file(old["by"])))
+    return "by" in old and bool(old["by_digest"] == _file_digest(_file(old["by"])))
 
 
 def _kept_results() -> Iterator[tuple[str, Result]]:
@@ -324,27 +327,30 @@ _ABOUT = """# Wrong changes that a test notices
 
 `make mutants` makes one wrong change at a time in the modules below and runs the tests that reach the changed
 function. A test that fails kills the mutant. Checks of arguments (`raise`), text and logging are not changed.
+A survivor is explained where no test can notice it, because the result is the same for all inputs.
 
-| module | mutants | killed | share |
-| --- | ---: | ---: | ---: |
+| module | mutants | killed | share | explained | not explained |
+| --- | ---: | ---: | ---: | ---: | ---: |
 """
 
 
 def report(mutants: Sequence[Mutant], results: dict[str, Result], reasons: dict[str, str]) -> str:
     """A table of modules, and a list of survivors, as Markdown."""
-    counts: dict[str, Counter[int]] = defaultdict(Counter)
+    counts: dict[str, Counter[str]] = defaultdict(Counter)
     survivors = []
     for mutant in mutants:
-        status = results[mutant.key]["status"]
-        counts[mutant.path][status] += 1
-        counts["all"][status] += 1
+        status, why = results[mutant.key]["status"], reasons.get(mutant.key)
+        found = "killed" if status == KILLED else "explained" if why else "unexplained"
+        if status != IMPOSSIBLE:
+            counts[mutant.path][found] += 1
+            counts["all"][found] += 1
         if status == SURVIVED:
-            why = reasons.get(mutant.key, "**not explained**")
-            survivors.append(f"* line {mutant.mutation.line}, `{mutant.key}`: {why}\n")
+            survivors.append(f"* line {mutant.mutation.line}, `{mutant.key}`: {why or '**not explained**'}\n")
     rows = []
-    for path, counted in sorted(counts.items(), key=lambda row: row[0] == "all"):
-        killed, tried = counted[KILLED], counted[KILLED] + counted[SURVIVED]
-        rows.append(f"| {path} | {tried} | {killed} | {killed / max(tried, 1):.1%} |\n")
+    for path, count_of in sorted(counts.items(), key=lambda row: row[0] == "all"):
+        share = f"{count_of['killed'] / count_of.total():.1%}"
+        numbers = count_of.total(), count_of["killed"], share, count_of["explained"], count_of["unexplained"]
+        rows.append(f"| {path} | {' | '.join(map(str, numbers))} |\n")
     return _ABOUT + "".join(rows) + "\n## Survivors\n\n" + "".join(survivors)
 
 
@@ -369,7 +375,8 @@ def main() -> None:
     torch.set_num_threads(1)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("stopped"))  # the children end, too
     trials = Trials(paths, given.jobs)
-    pytest.main(["-q", "-s", "-p", "no:cacheprovider", *tests], plugins=[trials])
+    numpy = ["-W", "ignore::RuntimeWarning"]  # interpreted loops warn where compiled ones do not
+    pytest.main(["-q", "-s", "-p", "no:cacheprovider", *numpy, *tests], plugins=[trials])
     if not trials.mutants or len(trials.results) < len(trials.mutants):
         sys.exit("not all mutants were tried")
     reasons = yaml.safe_load(REASONS.read_text()) if REASONS.exists() else {}

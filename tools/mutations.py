@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import copy
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -39,6 +40,8 @@ MEDIAN = "median"
 """Built-in function that the altered code finds: of a numpy array, or of a tensor."""
 _LIBRARIES = frozenset({"np", "torch", "math", "F", "nn"})
 _SILENT = ("_LOG", "bar", "logging", "warnings")
+_NO_EFFECT = frozenset({"strict", "copy", "assume_unique", "non_blocking"})
+"""Named arguments that only check, or save time."""
 _TEXT = (ast.JoinedStr, ast.Raise, ast.Assert, ast.arguments)
 
 
@@ -96,6 +99,8 @@ def mutations(function: ast.AST) -> Iterator[Mutation]:
 
 def _within(node: ast.AST, place: tuple[ast.AST, str, int | None] | None) -> Iterator[Mutation]:
     if isinstance(node, _TEXT) or _is_check(node) or _is_silent(node):
+        return
+    if isinstance(node, ast.keyword) and node.arg in _NO_EFFECT:
         return
     if isinstance(node, ast.keyword) and node.arg in ("axis", "dim") and isinstance(node.value, ast.UnaryOp):
         node, place = node.value, (node, "value", None)  # -1 becomes -2, not 1, which is often the same axis
@@ -197,7 +202,8 @@ def _call(node: ast.Call) -> Iterator[ast.AST]:
         name, on_library, first = node.func.id, False, next(iter(node.args), None)
     else:
         return
-    if name in _INSTEAD and not (isinstance(node.func, ast.Name) and name in ("sum", "mean")):
+    empty = name in ("zeros", "ones") and "0" in re.findall(r"\w+", ast.unparse(node.args[0]))
+    if name in _INSTEAD and not empty and not (isinstance(node.func, ast.Name) and name in ("sum", "mean")):
         field = "attr" if isinstance(node.func, ast.Attribute) else "id"
         yield _with(node, func=_with(node.func, **{field: _INSTEAD[name]}))
     if name == "mean" and isinstance(first, ast.AST):
