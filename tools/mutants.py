@@ -7,7 +7,7 @@ has changed; a survivor when the tests that reach its function have.
 
 pytest collects the tests once. Each mutant is a forked process, in which the code of one function is replaced
 and the tests that reach this function run, the quickest first, until one fails. Loops are interpreted, not
-compiled. A mutant that needs four times the processor time of its tests counts as killed.
+compiled. A mutant that needs twice the processor time of its tests counts as killed.
 
 mutmut does not change functions with decorators, as all compiled loops have; cosmic-ray starts Python, pytest
 and torch again for each mutant, which takes a day.
@@ -65,8 +65,8 @@ WORK, REPORT, REASONS = (
 )
 BUDGET_S = 5.0
 """Processor time of the tests that a mutant has to survive; slower tests are left out."""
-SLACK_S = 6.0
-"""A mutant may need four times the time of its tests, and this besides: it starts without warm caches."""
+SLACK_S = 3.0
+"""A mutant may need twice the time that its tests took under a profiler, and this besides."""
 LONGEST_S = 3.0
 """Tests that take longer with interpreted loops are left out."""
 IMPORTED_LATE = ("torch._dynamo", "torch.onnx", "sympy", "onnxruntime", "scipy.interpolate", "scipy.stats")
@@ -260,7 +260,7 @@ class Trials:
     def _try(self, waiting: Sequence[Any]) -> None:
         jobs = []
         for mutant, targets, chosen, tests in waiting:
-            seconds = SLACK_S + 4 * sum(self._seconds[nodeid] for nodeid in chosen)
+            seconds = SLACK_S + 2 * sum(self._seconds[nodeid] for nodeid in chosen)
             jobs.append(Job(partial(self._trial, mutant, targets, chosen), seconds, (mutant, tests)))
         WORK.mkdir(parents=True, exist_ok=True)
         bar, survived = tqdm(total=len(jobs), desc="mutants", unit="mutant", mininterval=2), 0
@@ -301,9 +301,9 @@ def _is_valid(old: Result, mutant: Mutant, tests: str) -> bool:
     """Whether an earlier result still holds."""
     if old["digest"] != mutant.digest or old["status"] == IMPOSSIBLE:
         return False
-    if old["status"] == SURVIVED:
-        return bool(old["tests"] == tests)
-    return "by" in old and bool(old["by_digest"] == _file_digest(_file(old["by"])))
+    if "by" in old:
+        return bool(old["by_digest"] == _file_digest(_file(old["by"])))
+    return bool(old["tests"] == tests)
 
 
 def _kept_results() -> Iterator[tuple[str, Result]]:
