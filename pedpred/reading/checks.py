@@ -36,6 +36,8 @@ def check_people(name: str, people: Trajectories, unit: str = "m", any_speed: bo
     Raises:
         ContentError: nobody is detected twice, times are not seconds, or people are too fast.
     """
+    if not len(people):
+        raise ContentError("no detections: no row says when somebody is where", "Name a file with tracks")
     try:
         dt_s = people.usual_interval_s()
     except ValueRuleError as cause:

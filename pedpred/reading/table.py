@@ -147,8 +147,13 @@ def _listed(titles: Sequence[str]) -> str:
     return ", ".join(map(str, titles))[:200] or "none"
 
 
-def read(path: Path, options: ReadOptions) -> Table:
+def read(path: Path, options: ReadOptions, also: Sequence[str] = ()) -> Table:
     """Read a text, Parquet or Feather.
+
+    Args:
+        path: the file.
+        options: what it does not say.
+        also: titles of further columns of numbers, which are read where they are there.
 
     Raises:
         ContentError: columns are missing, or a line has another number of columns.
@@ -167,7 +172,9 @@ def read(path: Path, options: ReadOptions) -> Table:
         return _read_untitled(path, form, comments, options)
     _log.info("%s: %s", path, ", ".join(f"{name}: {title}" for name, title in columns.titles.items()))
     unit, rate_hz = said_in(comments)
-    rows = read_columns(path, form, columns.titles)
+    wanted = {**columns.titles, **{title: title for title in also if title in form.titles}}
+    words = ["id", "class", *(title for title in also if title.endswith("_id"))]
+    rows = read_columns(path, form, wanted, words)
     return Table(
         rows,
         columns.unit or unit,

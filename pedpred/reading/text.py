@@ -155,6 +155,7 @@ def read_columns(
             raise ContentError(f"more than {most} rows", "Divide the file")
     kinds = {name: pa.string() if name in words else pa.float64() for name in at}
     columns = {n: pa.chunked_array(part) if part else pa.array([], kinds[n]) for n, part in parts.items()}
+    pa.default_memory_pool().release_unused()
     return pa.table(columns).unify_dictionaries()
 
 

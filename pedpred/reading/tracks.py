@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from pedpred.reading.table import Table
 from pedpred.reading.text import MISSING, numbers, whole_numbers
 from pedpred.scenes import Trajectories
 from pedpred.scenes.people import PERSON_CLASSES, is_person
+from pedpred.storage.tracks import TRACK_COLUMNS, tracks_of
 
 NO_RATE = (
     "nobody says the frame rate",
@@ -49,11 +51,11 @@ class _Rows(NamedTuple):
         return _Rows(self.table.filter(pa.array(kept)), self.line[kept])
 
 
-def to_tracks(name: str, table: Table, options: ReadOptions) -> Tracks:
+def to_tracks(file: str, table: Table, options: ReadOptions) -> Tracks:
     """Convert what stands in a file.
 
     Args:
-        name: of the file, for messages.
+        file: its name, for messages.
         table: its rows.
         options: what it does not say.
 
@@ -61,20 +63,25 @@ def to_tracks(name: str, table: Table, options: ReadOptions) -> Tracks:
         ContentError: a value is wrong, somebody is at two places at once, or rate or unit are unclear.
     """
     line = np.arange(table.rows.num_rows) + 1 + (table.before or 0)
-    rows = _people_in(name, _Rows(table.rows, line), options)
-    rows, x, y = _with_positions(name, rows, table)
+    rows = _people_in(file, _Rows(table.rows, line), options)
+    rows, x, y = _with_positions(file, rows, table)
     if not len(x):
-        raise ContentError("no detections: no row says when somebody is where", "Name a file with tracks")
+        return Tracks(Trajectories(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 2))))
     if table.open_order:
         check_changes(x, y)
         rows = _ordered(rows, x, y, table)
-    track_id, names, tracked = _identities(name, rows)
+    track_id, names, tracked = _identities(file, rows)
     if not tracked.all():
         rows, track_id, x, y = rows.keep(tracked), track_id[tracked], x[tracked], y[tracked]
-    position = _in_metres(x, y, rows.line, agreed_unit(table.unit, options), options)
+    x, y = _in_metres(x, y, rows.line, agreed_unit(table.unit, options), options)
     time_s = _seconds(rows, table, options)
-    kept = _without_copies(name, time_s, track_id, position, rows.line, names, table)
-    return Tracks(Trajectories(time_s[kept], track_id[kept], position[kept]), names)
+    kept = _without_copies(file, time_s, track_id, (x, y), rows.line, names, table)
+    columns = {"time_s": time_s, "track_id": track_id, "x_m": x, "y_m": y}
+    for name in set(rows.table.column_names) & set(TRACK_COLUMNS) - set(columns):
+        column = rows.table[name]
+        is_id = name.endswith("_id")
+        columns[name] = number_ids(column, is_missing(column))[0] if is_id else numbers(column, name)
+    return Tracks(tracks_of({name: values[kept] for name, values in columns.items()}, Path(file)), names)
 
 
 def _people_in(name: str, rows: _Rows, options: ReadOptions) -> _Rows:
@@ -284,11 +291,13 @@ def agreed_rate(said: float | None, options: ReadOptions) -> float:
     return rate_hz
 
 
-def _in_metres(x: np.ndarray, y: np.ndarray, line: np.ndarray, unit: str, options: ReadOptions) -> np.ndarray:
-    """Positions in m. [M, 2]."""
+def _in_metres(
+    x: np.ndarray, y: np.ndarray, line: np.ndarray, unit: str, options: ReadOptions
+) -> tuple[np.ndarray, np.ndarray]:
     if unit == PIXELS:
-        return on_ground(options, x, y, line)
-    return np.stack([x, y], axis=-1) * UNITS[unit]
+        ground = on_ground(options, x, y, line)
+        return ground[:, 0], ground[:, 1]
+    return (x, y) if unit == "m" else (x * UNITS[unit], y * UNITS[unit])
 
 
 def _seconds(rows: _Rows, table: Table, options: ReadOptions) -> np.ndarray:
@@ -328,7 +337,7 @@ def _without_copies(
     name: str,
     time_s: np.ndarray,
     track_id: np.ndarray,
-    position: np.ndarray,
+    place: tuple[np.ndarray, np.ndarray],
     line: np.ndarray,
     names: TrackNames,
     table: Table,
@@ -344,7 +353,7 @@ def _without_copies(
     if not again.any():
         return slice(None)
     one, other = order[:-1][again], order[1:][again]
-    if (apart := (position[one] != position[other]).any(axis=1)).any():
+    if (apart := np.any([axis[one] != axis[other] for axis in place], axis=0)).any():
         first = np.flatnonzero(apart)[np.argmin(line[other[apart]])]
         who, when = names.column(track_id[one[first]][None])[0], time_s[one[first]]
         where = "line" if table.before is not None else "row"

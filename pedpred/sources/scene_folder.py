@@ -18,6 +18,7 @@ from pedpred.reading.options import ReadOptions
 from pedpred.reading.tracks import to_tracks
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import read_scene
+from pedpred.storage.tracks import TRACK_COLUMNS
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ def read_own(folder: Path, names: TrackNames | None = None) -> Scene:
         problem = f"{stored.name} is here too, and only one can be right"
         raise StorageError(path, "file", problem, "Remove one of them")
     with add_path(path):
-        tracks = to_tracks(str(path), table.read(path, ReadOptions()), ReadOptions())
+        tracks = to_tracks(str(path), table.read(path, ReadOptions(), TRACK_COLUMNS), ReadOptions())
     if names is not None:
         names.of_number.update(tracks.names.of_number)
     return read_scene(folder, tracks.people)

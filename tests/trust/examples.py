@@ -184,7 +184,7 @@ def read_field_texts(folder: Path) -> object:
 
 def make_columnar(folder: Path) -> None:
     """People as tables of pandas."""
-    table = pd.DataFrame(ROWS, columns=["time", "name", "x", "y"]).astype({"name": str})
+    table = pd.DataFrame(ROWS, columns=["time", "ped_id", "x", "y"]).astype({"ped_id": str})
     table.to_parquet(folder / "walk.parquet")
     table.to_feather(folder / "walk.feather")
 
