@@ -10,13 +10,12 @@ started as a command, since multiprocessing would import the caller's script onc
 
 from __future__ import annotations
 
-import io
 import os
 import subprocess
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
@@ -64,29 +63,27 @@ def read(path: Path, options: ReadOptions) -> Table:
         known = ended.returncode == 2 and said
         reason = said[-1] if known else f"a damaged file, the reader ended with exit code {ended.returncode}"
         raise ContentError(f"HDF5: {reason}", _OTHERS)
-    with np.load(io.BytesIO(ended.stdout), allow_pickle=False) as content:
-        columns = {name: content[name] for name in _COLUMNS}
-        rates, wkt = content["fps"], str(content["wkt"])
-    if not len(columns["id"]):
+    with pa.ipc.open_stream(ended.stdout) as stream:
+        table, about = stream.read_all(), stream.schema.metadata
+    if not table.num_rows:
         raise ContentError("no detections, trajectory is empty")
-    for name in ("id", "frame"):
-        columns[name] = whole_numbers(columns[name].astype(np.float64), name)
-    rows = pa.table({name: pa.array(values) for name, values in columns.items()})
+    columns = {name: table[name].to_numpy().astype(np.float64) for name in _COLUMNS}
+    columns |= {name: whole_numbers(columns[name], name) for name in ("id", "frame")}
+    fps, wkt = about[b"fps"].decode(), about[b"wkt"].decode()
     walls = partial(parse_wkt, wkt) if wkt.strip() else None
-    return Table(rows, "m", float(rates[0]) if len(rates) else None, walls=walls)
+    return Table(pa.table(columns), "m", float(fps) if fps else None, walls=walls)
 
 
 def main() -> None:
-    """Write the columns, `fps` and `wkt` of a file as npz to stdout, or end with code 2 and say why."""
+    """Write the columns of a file, with `fps` and `wkt`, to stdout, or end with code 2 and say why."""
     if sys.platform != "win32":
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (_MOST_BYTES, _MOST_BYTES))
-    out = io.BytesIO()
     try:
-        np.savez(out, **_content(Path(sys.argv[1])))
-        sys.stdout.buffer.write(out.getbuffer())
-        sys.stdout.flush()
+        table = _content(Path(sys.argv[1]))
+        with pa.ipc.new_stream(sys.stdout.buffer, table.schema) as stream:
+            stream.write_table(table)
     except ImportError:
         sys.stderr.write('h5py is not installed: pip install "pedpred[hdf5]"\n')
         sys.exit(2)
@@ -96,7 +93,7 @@ def main() -> None:
         sys.exit(2)
 
 
-def _content(path: Path) -> dict[str, Any]:
+def _content(path: Path) -> pa.Table:
     import h5py  # heavy, and for these files alone
 
     with h5py.File(path, "r") as file:
@@ -116,7 +113,8 @@ def _content(path: Path) -> dict[str, Any]:
         geometry = file.attrs.get("wkt_geometry", "")
         wkt = geometry.decode() if isinstance(geometry, bytes) else str(geometry)
         wkt = "\n".join(text.decode() for text in texts) or wkt
-    return columns | {"fps": np.ravel(np.asarray(said, dtype=np.float64))[:1], "wkt": np.array(wkt)}
+    fps = np.ravel(np.asarray(said, dtype=np.float64))[:1].tolist()
+    return pa.table(columns).replace_schema_metadata({"fps": "".join(map(repr, fps)), "wkt": wkt})
 
 
 def _columns(table: h5py.Dataset) -> dict[str, np.ndarray]:
