@@ -73,7 +73,12 @@ def test_a_map_changes_forecasts_and_may_be_a_path(tmp_path, forecasts):
             SourceError,
             "row 4: x = 'here'",
         ),
-        (lambda t: t.assign(id=1), SourceError, "row 2: id 1|row 2: id 0"),
+        (lambda t: t.assign(id=1), SourceError, "row 2: id 0 is at another place"),
+        (
+            lambda t: t.assign(type=["car", "person"] * 8, x=t.x.astype(object).where(t.index != 5, "here")),
+            SourceError,
+            "row 6: x = 'here'",
+        ),
         (
             lambda t: t.rename(columns={"time": "frame"}).round().drop_duplicates(["frame", "id"]),
             SourceError,

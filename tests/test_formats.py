@@ -91,6 +91,12 @@ def test_every_format_bounds_what_it_reads(tmp_path, monkeypatch, name):
             read_recording(path, OPTIONS.get(name))
 
 
+@pytest.mark.parametrize("name", BINARY)
+def test_columns_that_a_file_names_are_not_named_again(tmp_path, name):
+    with pytest.raises(SourceError, match=f"this is {name}, whose columns are known"):
+        read_recording(WRITERS[name](tmp_path), ReadOptions(columns=("time", "id", "x", "y")))
+
+
 # What is wrong is said
 
 

@@ -113,7 +113,9 @@ def format_of(path: Path, options: ReadOptions) -> Reader:
     with add_path(path):
         head = Head.of(path)
         recognised = next((reader for reader in FORMATS if reader.recognises(head)), None)
-        if recognised is not None and (options.columns is None or not head.lines):
+        if recognised is not None and options.columns is not None and not head.lines:
+            raise ContentError(f"this is {recognised.NAME}, whose columns are known", "Leave --columns out")
+        if recognised is not None and options.columns is None:
             return recognised
         if not table.is_columnar(head.raw):
             head.check_text()

@@ -12,12 +12,12 @@ import csv
 import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
-import pyarrow.feather
 import pyarrow.parquet as pq
 
 from pedpred.reading.errors import ContentError
@@ -315,29 +315,39 @@ def read_columnar(path: Path, wanted: Mapping[str, str]) -> pa.Table:
     """Read some columns of Parquet or Feather; others are not decoded.
 
     Raises:
-        ContentError: there are too many rows.
+        ContentError: there are too many rows, or the file is damaged.
     """
-    parquet = Head.of(path).raw.startswith(b"PAR1")
     most = MOST_NUMBERS // max(4, len(wanted))
-    if parquet:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            rows = file.metadata.num_rows
-            if rows <= most:
-                table = file.read(list(dict.fromkeys(wanted.values())))
-    else:
-        with pa.memory_map(str(path)) as memory:
-            file = pa.ipc.open_file(memory)
-            rows = file.num_record_batches and sum(
-                file.get_batch(k).num_rows for k in range(file.num_record_batches)
-            )
-        if rows <= most:
-            table = pyarrow.feather.read_table(
-                path, columns=list(dict.fromkeys(wanted.values())), memory_map=False
-            )
-    if rows > most:
-        raise ContentError(f"{rows} rows, at most {most}", "Divide the file")
+    used = list(dict.fromkeys(wanted.values()))
+    table = None
+    with suppress(MemoryError):  # of a size in a damaged file, which no machine has
+        if Head.of(path).raw.startswith(b"PAR1"):
+            with pq.ParquetFile(path, page_checksum_verification=True) as file:
+                _check_rows(file.metadata.num_rows, most)
+                table = file.read(used)
+        else:
+            table = _read_feather(path, used, most)
+    if table is None:
+        raise ContentError("it is damaged: it declares more values than fit into memory")
     table.validate(full=True)
     return pa.table({name: table[title] for name, title in wanted.items()})
+
+
+def _read_feather(path: Path, used: Sequence[str], most: int) -> pa.Table:
+    with pa.OSFile(str(path)) as source:
+        schema = pa.ipc.open_file(source).schema
+        chosen = pa.ipc.IpcReadOptions(included_fields=sorted(map(schema.get_field_index, used)))
+        file = pa.ipc.open_file(source, options=chosen)
+        batches: list[pa.RecordBatch] = []
+        for number in range(file.num_record_batches):
+            batches.append(file.get_batch(number))
+            _check_rows(sum(map(len, batches)), most)
+        return pa.Table.from_batches(batches, file.schema if not batches else None)
+
+
+def _check_rows(rows: int, most: int) -> None:
+    if rows > most:
+        raise ContentError(f"{rows} rows, at most {most}", "Divide the file")
 
 
 def from_frame(frame: pd.DataFrame, options: ReadOptions) -> tuple[Table, pd.Index]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -111,8 +113,8 @@ def _people_in(name: str, rows: _Rows, options: ReadOptions) -> _Rows:
 
 def _with_positions(name: str, rows: _Rows, table: Table) -> tuple[_Rows, np.ndarray, np.ndarray]:
     """The rows that have x and y; rows of somebody without them are missing detections."""
-    before = None if table.before is None else int(rows.line[0]) - 1 if len(rows.line) else 0
-    x, y = (numbers(rows.table[axis], axis, before) for axis in "xy")
+    with _naming_lines(rows, table):
+        x, y = (numbers(rows.table[axis], axis, 0) for axis in "xy")
     placed = np.isfinite(x) & np.isfinite(y)
     if placed.all():
         return rows, x, y
@@ -302,11 +304,10 @@ def _in_metres(
 
 def _seconds(rows: _Rows, table: Table, options: ReadOptions) -> np.ndarray:
     """Times of rows, s: from frames and their rate, from numbers, or from dates of ISO 8601 (Unix time)."""
-    before = None if table.before is None else int(rows.line[0]) - 1
     if "frame" in rows.table.column_names:
-        frame = numbers(rows.table["frame"], "frame", before)
-        rate_hz = agreed_rate(table.rate_hz, options)
-        return np.asarray(whole_numbers(frame, "frame", before) / rate_hz)
+        with _naming_lines(rows, table):
+            frame = whole_numbers(numbers(rows.table["frame"], "frame", 0), "frame", 0)
+        return np.asarray(frame / agreed_rate(table.rate_hz, options))
     column = rows.table["time"]
     if options.rate_hz is not None:
         raise ContentError(
@@ -316,7 +317,8 @@ def _seconds(rows: _Rows, table: Table, options: ReadOptions) -> np.ndarray:
         dates = pd.Series(column.to_pandas())
     else:
         try:
-            time = numbers(column, "time", before) * table.clock_s
+            with _naming_lines(rows, table):
+                time = numbers(column, "time", 0) * table.clock_s
         except ContentError as cause:
             remedy = "Write times as seconds, or as 2024-03-05T14:02:07.5 (ISO 8601)"
             try:
@@ -364,6 +366,17 @@ def _without_copies(
     _log.warning(text, name, len(other), line[other].min())
     kept: np.ndarray = np.sort(np.delete(order, np.flatnonzero(again) + 1))
     return kept
+
+
+@contextmanager
+def _naming_lines(rows: _Rows, table: Table) -> Iterator[None]:
+    """Let errors about a row of the rows that are left name its line in the file."""
+    try:
+        yield
+    except ContentError as cause:
+        if cause.line is None:
+            raise
+        raise at_row(table, int(rows.line[cause.line - 1]), cause.problem, cause.remedy) from cause
 
 
 def at_row(table: Table, line: int, problem: str, remedy: str) -> ContentError:

@@ -123,7 +123,7 @@ class _Reading:
                 point.append(float("?" if "_" in text else text))
             except ValueError as cause:
                 raise self.problem(f"{key} = {brief(text)} is not a number") from cause
-        if not max(map(abs, point)) <= _FARTHEST:
+        if not all(abs(value) <= _FARTHEST for value in point):
             raise self.problem(f"vertex {point}, farther than {_FARTHEST:g} from the origin")
         return [self.unit_m * value for value in point]
 
