@@ -16,7 +16,7 @@ TOO_OLD = "$(VENV) has Python %d.%d, and 3.11 or newer is needed: rm -r $(VENV);
 
 .DEFAULT_GOAL := help
 REV ?= HEAD
-.PHONY: gone help setup params tune reproduce compare judge release smoke test rosenv ros pythons trust docs readme dist audit check
+.PHONY: gone help setup params tune reproduce compare judge release smoke test mutants rosenv ros pythons trust docs readme dist audit check
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -65,6 +65,9 @@ smoke: setup ## run the whole pipeline at toy size in build/smoke, apart from yo
 
 test: setup ## run the tests
 	python -m pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
+
+mutants: setup ## make one wrong change at a time in the core and see whether a test fails; writes reports/mutants.md (an hour or two)
+	python -m tools.mutants
 
 rosenv: setup
 	@.ci/ros
