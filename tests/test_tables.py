@@ -82,7 +82,7 @@ def test_columns_may_be_named_by_title_or_by_position(write):
     for header in (None, ("a", "b", "c", "d", "e")):
         path = write(["# measured", *lines(" ", header, rows)])
         assert_same(people_in(path, columns=("id", "_", "y", "x", "time")), TRACKS)
-    with pytest.raises(SourceError, match=r"no column for x; there are agent, id, py, px.*--columns x="):
+    with pytest.raises(SourceError, match=r"no column for x, y; there are agent, id, py, px.*--columns x="):
         people_in(write(lines(",", ("agent", "id", "py", "px", "t_ros"), rows)), columns={"time": "t_ros"})
 
 
@@ -231,7 +231,7 @@ def test_a_row_with_a_value_too_many_or_too_few_is_named(write, row, many, separ
     ("content", "named"),
     [
         ("time,id,x\n0,1,2\n", "no column for y; there are time, id, x.*--columns y=TITLE"),
-        ("t~who~x~y\n0~1~2~3\n", "no column for time or frame; there are t~who~x~y"),
+        ("t~who~x~y\n0~1~2~3\n", "no column for time or frame, id, x, y; there are t~who~x~y"),
         ("time,id,x,y,x\n0,1,2,3,4\n", "several columns 'x'.*--columns time,id,x,y"),
         ("x_cm,y_m,id,t\n0,1,2,3\n", "x and y have the units cm and m"),
         ("time,id,x,y\n0,1,2,left\n", "line 2: y = 'left' is not a number"),

@@ -250,7 +250,11 @@ def _check_folder(path: Path) -> None:
     """
     if path.is_dir() and not any((path / name).exists() for name in ("scene.json", "tracks.parquet")):
         files = sorted(file.name for file in path.iterdir() if file.is_file() and file.name[0] != ".")
-        remedy = f"Name one of its files, such as {path / files[0]}" if files else "It holds no files"
+        remedy = (
+            f"Name one of its files, such as {path / files[0]}, or say --one-person-per-file"
+            if files
+            else "It holds no files"
+        )
         raise SourceError(path, None, "a folder with no scene and no bag", remedy)
 
 

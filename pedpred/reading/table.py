@@ -116,9 +116,10 @@ def find_columns(titles: Sequence[str], options: ReadOptions) -> Columns:
     clock = "frame" if "frame" in found else "time"
     needed = (clock, "x", "y") if options.one_person_per_file else (clock, "id", "x", "y")
     if missing := [quantity for quantity in needed if quantity not in found]:
-        what = "time or frame" if missing[0] == "time" else missing[0]
+        what = ", ".join(missing).replace("time", "time or frame")
         problem = f"no column for {what}; there are {_listed(titles)}"
-        raise ContentError(problem, f"Name it: --columns {missing[0]}=TITLE")
+        named_all = ",".join(f"{quantity}=TITLE" for quantity in missing)
+        raise ContentError(problem, f"Name what is missing: --columns {named_all}")
     if repeated := [title for title in found.values() if titles.count(title) > 1]:
         raise ContentError(
             f"several columns {repeated[0]!r}", "Name all columns in order: --columns time,id,x,y"
