@@ -13,8 +13,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.datasets import split_sequences, stream_lanes
-from pedpred.datasets.lanes import SplitSettings
+from pedpred.datasets import stream_lanes
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.models import ARCHITECTURES
 from pedpred.models.contract import Loss, detach, mean_over, reset, velocity_distance
@@ -282,19 +281,6 @@ def test_chance_holds_along_a_track_and_changes_with_it():
         held = (batch.chance == before.chance).all(axis=1)
         assert (held == ~batch.starts).all()
         before = batch
-
-
-def test_splits_keep_scenes_and_tracks_whole():
-    data = toy_data(np.random.default_rng(0))
-    for by, group in (("scene", data.spans.scene), ("track", data.spans.track)):
-        training, validation = split_sequences(
-            data, SplitSettings(validation_by=by, validation_share=0.3), np.random.default_rng(0)
-        )
-        of = {tuple(s): g for s, g in zip(data.spans.rows, group, strict=True)}
-        assert {of[tuple(s)] for s in training}.isdisjoint({of[tuple(s)] for s in validation})
-        assert len(training) + len(validation) == len(data.spans.rows)
-    with pytest.raises(ValueRuleError, match="validation_by"):
-        SplitSettings(validation_by="window", validation_share=0.3)
 
 
 def test_unknown_channel_is_named():

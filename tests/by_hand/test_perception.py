@@ -1,0 +1,99 @@
+"""Sensor, tracker and protocol of a scene: what is tracked, beside the parts by hand."""
+
+import zlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pedpred.errors import ValueRuleError
+from pedpred.features import ForecastProtocol, Pedestrians
+from pedpred.features.perception import Following, Perception, parse_tracker, parsed_kalman, perceived, sensed
+from pedpred.scenes import Scene, Trajectories
+from pedpred.simulation.sensor import SensorSettings, apply_sensor
+from pedpred.tracking import KalmanSettings, follow, resampled
+from tests.by_hand.lives import PACE, SEEN, TIME_S, TRACK, scene_of
+from tests.worlds import empty_map
+
+
+def test_a_sensor_draws_its_faults_by_seed_and_name():
+    scene, sensor = scene_of(), SensorSettings(position_noise_m=0.1, seed=3)
+    expected = apply_sensor(scene, sensor, np.random.default_rng([3, zlib.crc32(b"hand")]))
+    seen = sensed(scene, sensor).trajectories
+    np.testing.assert_array_equal(seen.position, expected.trajectories.position)
+    assert (sensed(replace(scene, name="other"), sensor).trajectories.position != seen.position).any()
+    assert sensed(scene, SensorSettings()) is scene
+
+
+def test_people_are_tracked_as_they_are_perceived():
+    """By filters, by their true states, or resampled without a sensor where the protocol is noncausal."""
+    truth = Trajectories(TIME_S, TRACK, SEEN, PACE)
+    scene, filters = Scene("hand", truth, empty_map(), 0.4), KalmanSettings(0.3, 0.1)
+    sensor, sizes = SensorSettings(position_noise_m=0.2), ForecastProtocol(lost_after_s=0.45)
+    seen, tracks = perceived(scene, Perception(filters, 0.4, sensor), sizes)
+    np.testing.assert_array_equal(seen.trajectories.position, sensed(scene, sensor).trajectories.position)
+    expected = follow(seen.trajectories, "kalman", filters, 0.4, 0.45)
+    np.testing.assert_array_equal(tracks.velocity, expected.velocity)
+    assert tracks.life.tolist() == expected.life.tolist() == [0, 0, 0, 1, 2, 2, 3, 3]
+    by_truth = perceived(scene, Perception(None, 0.95), ForecastProtocol())[1]
+    np.testing.assert_array_equal(by_truth.velocity[:6], PACE[:6])
+    assert by_truth.heading_rad[1] == pytest.approx(np.arctan2(0.4, 0.9))
+    assert by_truth.heading_rad[3] == pytest.approx(np.arctan2(1.0, 0.8))
+    how, leaky = Perception(filters, 0.2, sensor), ForecastProtocol(0.4, noncausal=True, lost_after_s=0.45)
+    seen, tracks = perceived(scene, how, leaky)
+    expected = resampled(scene, 0.4, 0.45)
+    np.testing.assert_array_equal(seen.trajectories.position, expected.trajectories.position)
+    np.testing.assert_array_equal(np.sort(tracks.velocity, 0), np.sort(expected.trajectories.velocity, 0))
+    assert seen.detection_dt_s == 0.4
+
+
+PLAIN = {"kind": "kalman", "acceleration_noise": 0.3, "position_noise_m": 0.1, "initial_speed_mps": 1.4}
+
+
+def test_a_tracker_is_a_filter_or_the_truth():
+    assert parse_tracker(PLAIN) == KalmanSettings(0.3, 0.1, 1.4)
+    assert parse_tracker({"kind": "truth"}) is None
+    wrong = [
+        {"kind": "other"},
+        {**PLAIN, "kind": "other"},
+        {"kind": "truth", "position_noise_m": 0.1},
+        [PLAIN],
+    ]
+    wrong += [{**PLAIN, "position_noise_m": value} for value in (0.0, float("inf"), "0.1")]
+    for plain in wrong:
+        with pytest.raises(ValueRuleError):
+            parse_tracker(plain)
+    with pytest.raises(ValueRuleError):
+        parsed_kalman([0.3, 0.1])
+
+
+@pytest.mark.parametrize("name", ["dt_s", "max_age_intervals", "lost_after_s", "truth_gap_s"])
+def test_times_of_a_protocol_are_positive_and_at_most_10000(name):
+    for value in (0.0, -0.3, 10000.5):
+        with pytest.raises(ValueRuleError):
+            ForecastProtocol(**{name: value})
+    assert getattr(ForecastProtocol(**{name: 10000.0}), name) == 10000.0
+
+
+@pytest.mark.parametrize("name", ["horizon_steps", "min_history"])
+def test_counts_of_a_protocol_are_1_to_10000(name):
+    for value in (0, 10001):
+        with pytest.raises(ValueRuleError):
+            ForecastProtocol(**{name: value})
+    assert [getattr(ForecastProtocol(**{name: value}), name) for value in (1, 10000)] == [1, 10000]
+
+
+def test_speeds_of_standstill_are_0_to_100():
+    for value in (-0.1, 100.5):
+        with pytest.raises(ValueRuleError):
+            Following(standstill_mps=value, learn_noise=True)
+    assert [Following(standstill_mps=v, learn_noise=True).standstill_mps for v in (0.0, 100.0)] == [
+        0.0,
+        100.0,
+    ]
+
+
+def test_states_of_people_are_in_double_precision():
+    one = np.ones((1, 2), np.float32)
+    people = Pedestrians(np.array([3]), one, np.zeros(1, int), one)
+    assert [v.dtype for v in (people.position, people.heading_rad, people.velocity)] == [np.float64] * 3

@@ -1,0 +1,251 @@
+"""Regions that learn from detections: a and b after each instant, their limits and their use, by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pedpred.errors import ValueRuleError
+from pedpred.forecasting.regions import Regions
+from pedpred.scenes import Predictions
+
+STEPS, DT_S = 3, 0.4
+TIMES_S = np.array([0.0, 0.3, 0.7, 1.0, 1.4, 1.8, 2.2, 2.6, 3.0, 4.5, 4.8, 5.2])
+STAND, WALK = 0, 1
+PLACE = np.array([[15.0, -2.0], [18.0, 1.0]])
+
+
+def steps_of(missed):
+    """(z50 + z90 + z95) / 3 and ((z90 + z95) / 2 - z50) / 2 of somebody outside the first so many regions.
+
+    z is -1, -1/3 and -0.05 / sqrt(0.0475) inside, and 1, 3 and 0.95 / sqrt(0.0475) outside.
+    """
+    inside, outside = [-1.0, -1 / 3, -0.05 / 0.0475**0.5], [1.0, 3.0, 0.95 / 0.0475**0.5]
+    z50, z90, z95 = outside[:missed] + inside[missed:]
+    return np.array([(z50 + z90 + z95) / 3, ((z90 + z95) / 2 - z50) / 2])
+
+
+def missed_by(r):
+    """How many regions do not reach r deviations: u = 1 - exp(-r^2 / 2) of a plane Gaussian."""
+    return sum(1 - np.exp(-(r**2) / 2) > level for level in (0.5, 0.9, 0.95))
+
+
+def single(away_m, deviation_m=0.2):
+    """Forecasts of one mode for people at `PLACE` who will stand; wrong by so much along x. [N, P]."""
+    away_m = np.asarray(away_m, np.float64)
+    point = PLACE[: len(away_m), None] + away_m[..., None] * [1.0, 0.0]
+    sigma = np.broadcast_to(deviation_m**2 * np.eye(2), (*away_m.shape, 2, 2))
+    return Predictions.single(point, DT_S, sigma)
+
+
+def stepped(regions, away_m, times_s=TIMES_S, seen=None):
+    """After each instant: regions and the forecasts, of errors [T, N, P]."""
+    people = away_m.shape[1]
+    for k, now_s in enumerate(times_s[: len(away_m)]):
+        there = np.ones(people, bool) if seen is None else seen[k]
+        known = float(now_s), 30 + np.arange(people), PLACE[:people], there
+        regions, after = regions.after(*known, single(away_m[k]))
+        yield regions, after
+
+
+def due_at(times_s, at, step):
+    """The first instant at which a step of a forecast can be compared: 0.2 s after its time; None: none."""
+    late = np.flatnonzero(times_s > times_s[at] + DT_S * (step + 1) + 0.2 - 1e-9)
+    return late[0] if len(late) else None
+
+
+@pytest.mark.parametrize(
+    ("steps", "compared"),
+    [(10, [0, 1, 4, 9]), (3, [0, 1, 2]), (1, [0]), (12, [0, 1, 4, 11]), (30, [0, 2, 9, 29])],
+)
+def test_four_steps_of_the_horizon_are_compared(steps, compared):
+    """1, P^(1/3), P^(2/3), P, rounded; each once."""
+    regions = Regions.unlearned(steps)
+    np.testing.assert_array_equal(regions.steps, compared)
+    np.testing.assert_array_equal(regions.learned, np.zeros((2, 2, len(compared))))
+
+
+@pytest.mark.parametrize(("group", "error_m"), [(STAND, [0.0, -0.1, 0.15]), (WALK, [-0.2, 0.05, 0.3])])
+def test_a_and_b_after_each_instant(group, error_m):
+    """Of somebody who is forecast to stand, or to walk, with a deviation of 0.2 m.
+
+    Forecasts are kept from the fourth detection on. Those of a step that are due gain 0.075 for each second
+    since the last look, at most for 1 s. Of one mode, b plays no part in the comparison: its deviation is
+    that of the forecast times exp(0.8 (a now - a then)). Between 3 and 4.5 s nobody knows where the person
+    is: forecasts whose steps end there have taught nothing.
+    """
+    away_m = np.random.default_rng(6).uniform(0.1, 0.6, (len(TIMES_S), 1, 1)) + error_m
+    learned, kept, taught, looks = np.zeros((2, STEPS)), [], {}, []
+    for k, (regions, after) in enumerate(stepped(Regions.unlearned(STEPS), away_m)):
+        due = [one for one in kept if due_at(TIMES_S, *one[:2]) == k]
+        kept, by = [one for one in kept if one not in due], np.zeros((2, STEPS))
+        for at, p, a_then in due:
+            r = abs(away_m[at, 0, p]) / (0.2 * np.exp(a_then + 0.8 * (learned[0, p] - a_then)))
+            own = taught.setdefault(at, np.zeros((2, STEPS)))
+            own[:, p] = 0.075 * min(TIMES_S[k] - TIMES_S[k - 1], 1.0) * steps_of(missed_by(r))
+            by[:, p] += own[:, p]
+        for at in {at for at, p, _ in due if 3.0 < TIMES_S[at] + DT_S * (p + 1) < 4.5}:
+            by -= taught.pop(at)
+        learned = learned + by
+        kept += [(k, p, learned[0, p]) for p in range(STEPS)] if k >= 3 else []
+        looks.append((len(due), len(regions.waiting)))
+        np.testing.assert_allclose(regions.learned[:, group], learned, atol=1e-12)
+        np.testing.assert_array_equal(regions.learned[:, 1 - group], 0.0)
+        np.testing.assert_allclose(after.covariance[0, 0, :, 0, 0], 0.04 * np.exp(2 * learned[0]))
+    assert looks[3:] == [(0, 3), (0, 6), (1, 8), (2, 9), (3, 9), (3, 9), (9, 3), (0, 6), (1, 8)]
+    assert (np.abs(learned[0]) > 0.005).all()
+
+
+def test_two_instants_within_0_3_s_are_one_look():
+    """At 10 Hz, forecasts are kept every 0.3 s; the first at 0.3 s, of people with four detections."""
+    away_m = np.full((14, 1, STEPS), 0.1)
+    instants = list(stepped(Regions.unlearned(STEPS), away_m, np.arange(14) * 0.1))
+    assert [regions.made for regions, _ in instants] == [0] * 3 + [1] * 3 + [2] * 3 + [3] * 3 + [4] * 2
+    gain = 0.3 * 0.075 * steps_of(0)
+    np.testing.assert_allclose(instants[11][0].learned[:, STAND, 0], gain)
+    np.testing.assert_array_equal(instants[8][0].learned, 0.0)
+    known = [len(regions.detections.time_s) for regions, _ in instants]
+    assert known == list(range(1, 15))
+
+
+def test_detections_of_the_last_4_s_are_known():
+    """Of the four detections at the look at 4.6 s, two are kept; too few at the next ones."""
+    times_s = np.array([0.0, 0.3, 0.7, 4.6, 4.9, 5.3])
+    instants = list(stepped(Regions.unlearned(STEPS), np.full((6, 1, STEPS), 0.1), times_s))
+    assert [len(regions.detections.time_s) for regions, _ in instants] == [1, 2, 3, 2, 2, 3]
+    assert [regions.made for regions, _ in instants] == [0, 0, 0, 1, 1, 1]
+
+
+@pytest.mark.parametrize(("last", "lasting"), [(5, 0), (6, 1), (7, 2)])
+def test_what_people_taught_is_taken_back_if_they_are_lost(last, lasting):
+    """The second person is always wrong, and last detected at 1.8, 2.2 or 2.6 s.
+
+    Forecasts from 1.0 and 1.4 s count in the end if their last steps, 1.2 s later, are over by then. The
+    first person is always right and stays.
+    """
+    times_s = np.array([0.0, 0.3, 0.7, 1.0, 1.4, 1.8, 2.2, 2.6, 3.0, 3.3, 3.7, 4.1, 4.4])
+    away_m, seen = np.zeros((13, 2, STEPS)), np.ones((13, 2), bool)
+    away_m[:, 1], seen[last + 1 :, 1] = 50.0, False
+    instants = list(stepped(Regions.unlearned(STEPS), away_m, times_s, seen))
+    expected = np.zeros((2, STEPS))
+    for at in range(3, 13):
+        for p in range(STEPS):
+            if look := due_at(times_s, at, p):
+                gain = 0.075 * (times_s[look] - times_s[look - 1])
+                expected[:, p] += gain * (steps_of(0) + (at < 3 + lasting) * steps_of(3))
+    np.testing.assert_allclose(instants[-1][0].learned[:, STAND], expected, atol=1e-12)
+    assert instants[8][0].learned[0, STAND, 0] > expected[0, 0]
+
+
+def test_what_is_taught_after_a_gap_is_taken_back():
+    """Both people are lost in the end: the second is unknown at the third step and known at the fourth.
+
+    Both steps, 1.2 and 1.6 s after 0.9 s, are due at one look, that at 2.7 s; the first person is then lost.
+    """
+    regions, point = Regions.unlearned(4), np.repeat(PLACE[:, None], 4, axis=1)
+    forecasts = Predictions.single(point, DT_S, np.broadcast_to(np.eye(2), (2, 4, 2, 2)))
+    times_s = 0.0, 0.3, 0.6, 0.9, 1.3, 1.7, 2.1, 2.2, 2.7
+    for now_s, seen in zip(times_s, ("AB", "AB", "AB", "AB", "A", "A", "A", "B", "B"), strict=True):
+        known = np.array([30, 31]), PLACE, np.array(["A" in seen, "B" in seen])
+        before, (regions, _) = regions, regions.after(now_s, *known, forecasts)
+    np.testing.assert_allclose(regions.learned, 0.0, atol=1e-12)
+    assert (before.learned[0, STAND, :2] < -0.01).all()
+
+
+def test_each_forecast_has_a_number_of_its_own():
+    """Of one person, then of two."""
+    seen = np.ones((12, 2), bool)
+    seen[:3, 1] = False
+    *_, (regions, _) = stepped(Regions.unlearned(STEPS), np.zeros((9, 2, STEPS)), seen=seen)
+    numbers = np.concatenate([past.forecast for past in regions.waiting if past.step == 2])
+    assert len(set(numbers.tolist())) == len(numbers) == 7
+    assert regions.made == 9
+
+
+@pytest.mark.parametrize(("away_m", "a", "b"), [(9.0, 1.0, 2.0), (0.0, -3.0, None), (0.3, None, -0.3)])
+@pytest.mark.parametrize("on_lines", [False, True])
+def test_a_and_b_have_limits(away_m, a, b, on_lines):
+    """a stays between -3 and 1, b between -0.3, or -0.45 where modes were moved to lines, and 2.
+
+    Both grow while people are outside of all regions, a falls while they are inside, and b while they are
+    between those of 50 and 90 %.
+    """
+    b = -0.45 if b == -0.3 and on_lines else b
+    learned = np.zeros((2, 2, STEPS))
+    learned[0], learned[1] = 0.998 * (a or 0.0), 0.998 * (b or 0.0)
+    regions = replace(Regions.unlearned(STEPS, on_lines=on_lines), learned=learned)
+    *_, (regions, _) = stepped(regions, np.full((8, 1, STEPS), away_m))
+    for found, limit in zip(regions.learned[:, STAND], (a, b), strict=True):
+        assert limit is None or found.tolist() == [limit] * STEPS
+    np.testing.assert_array_equal(regions.learned[:, WALK], learned[:, WALK])
+
+
+def learned_of(steps):
+    """a and b of both groups at the compared steps."""
+    regions = Regions.unlearned(steps)
+    values = np.arange(1.0, 4.0 * len(regions.steps) + 1).reshape(2, 2, -1) / 20
+    return replace(regions, learned=values * np.array([1.0, -0.3])[:, None, None])
+
+
+def test_between_compared_steps_a_and_b_are_interpolated():
+    """At steps 1, 2, 5 and 10 of ten; deviations of mode k are multiplied by exp(a + b (2 t_k - 1))."""
+    regions, point = learned_of(10), np.zeros((2, 10, 2))
+    point[1, :, 0] = 0.3 * np.arange(10)
+    sigma = np.random.default_rng(8).uniform(0.1, 0.2, (2, 2, 10))[..., None, None] * np.eye(2)
+    weight = np.array([[0.75, 0.25], [0.6, 0.4]])
+    given = Predictions(point, np.stack([point, point + 1], axis=1), weight, 0.3, sigma)
+    after = regions.scaled(given)
+    for row, group in ((0, STAND), (1, WALK)):
+        a, b = ([v[0], v[1], *np.linspace(v[1], v[2], 4)[1:], *np.linspace(v[2], v[3], 6)[1:]]
+                for v in regions.learned[:, group])  # fmt: skip
+        t = np.array([weight[row, 0] / 2, weight[row, 0] + weight[row, 1] / 2])
+        factor = np.exp(2 * (np.array(a) + np.array(b) * (2 * t[:, None] - 1)))
+        np.testing.assert_allclose(after.covariance[row], factor[..., None, None] * sigma[row])
+    np.testing.assert_array_equal(after.path, given.path)
+    assert Regions.unlearned(10).scaled(given) is given
+
+
+def test_no_deviation_shrinks_below_a_quarter_of_the_noise():
+    """0.2 m shrinks by exp(-2) to 0.027 m, with a noise of 0.2 m to 0.05 m."""
+    for noise_m, expected_m in ((0.0, 0.2 * np.exp(-2)), (0.2, 0.05), (0.08, 0.2 * np.exp(-2))):
+        regions = replace(
+            Regions.unlearned(STEPS, noise_m), learned=np.full((2, 2, STEPS), [[[-2.0]], [[0.0]]])
+        )
+        found = regions.scaled(single(np.zeros((1, STEPS)))).covariance
+        np.testing.assert_allclose(found[0, 0], np.tile(expected_m**2 * np.eye(2), (STEPS, 1, 1)))
+
+
+def test_declared_noise_is_no_error_of_the_forecast():
+    """0.3 m from a forecast of 0.2 m is outside of the half, and with a noise of 0.2 m inside."""
+    for noise_m, missed in ((0.0, 1), (0.2, 0)):
+        *_, (regions, _) = stepped(Regions.unlearned(STEPS, noise_m), np.full((6, 1, STEPS), 0.3))
+        np.testing.assert_allclose(regions.learned[:, STAND, 0], 0.4 * 0.075 * steps_of(missed))
+
+
+def test_what_was_learned_is_kept_without_people():
+    *_, (regions, _) = stepped(Regions.unlearned(STEPS, 0.1, on_lines=True), np.full((9, 1, STEPS), 0.5))
+    assert len(regions.taught.step)
+    alone = regions.without_people()
+    assert (len(alone.taught.step), len(alone.detections.time_s), alone.waiting) == (0, 0, ())
+    assert (alone.looked_s, alone.noise_m, alone.on_lines) == (-np.inf, 0.1, True)
+    again = Regions.unlearned(STEPS).relearned(alone.plain())
+    np.testing.assert_array_equal(again.learned, regions.learned)
+    np.testing.assert_array_equal(regions.plain()["learned"], regions.learned)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "right"),
+    [(-3.0, -0.45, True), (1.0, 2.0, True), (-3.1, 0.0, False), (1.1, 0.0, False), (0.0, -0.5, False),
+     (0.0, 2.1, False)],
+)  # fmt: skip
+def test_learned_values_of_others_keep_to_the_wider_limits(a, b, right):
+    """Of a robot that moves modes to lines b may be -0.45; one that does not starts at -0.3."""
+    plain = {"learned": np.broadcast_to(np.array([a, b])[:, None, None], (2, 2, STEPS)).tolist()}
+    for on_lines in (False, True):
+        unlearned = Regions.unlearned(STEPS, on_lines=on_lines)
+        if right:
+            expected = [a, b if on_lines else max(b, -0.3)]
+            np.testing.assert_array_equal(unlearned.relearned(plain).learned[:, WALK, 1], expected)
+        else:
+            with pytest.raises(ValueRuleError):
+                unlearned.relearned(plain)
