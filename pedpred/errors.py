@@ -11,11 +11,8 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
-
-_IN_PYTHON = ContextVar("in_python", default=False)
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 """The system's numbers for a full disk or quota, a file that is too large, and a disk that is read-only."""
@@ -33,26 +30,6 @@ _BRACKETS: dict[type, tuple[str, str]] = {
     frozenset: ("frozenset({", "})"),
     dict: ("{", "}"),
 }
-
-
-def worded(command: str, python: str) -> str:
-    """Choose the words of a message about a table: options and files, or arguments and a data frame.
-
-    Args:
-        command: for who names a file to the command.
-        python: for who gives a data frame, see `in_words_of_python`.
-    """
-    return python if _IN_PYTHON.get() else command
-
-
-@contextmanager
-def in_words_of_python() -> Iterator[None]:
-    """Let messages name what a caller in Python can change."""
-    before = _IN_PYTHON.set(True)
-    try:
-        yield
-    finally:
-        _IN_PYTHON.reset(before)
 
 
 def brief(value: object) -> str:

@@ -7,8 +7,8 @@ from itertools import pairwise
 import h5py
 import numpy as np
 
+from pedpred.reading.options import ReadOptions
 from pedpred.scenes import Trajectories
-from pedpred.tables.options import TableOptions
 
 RATE_HZ = 5.0
 FRAMES = np.arange(1, 21)
@@ -199,6 +199,30 @@ def write_trajnet(folder, rows=ROWS, fps=RATE_HZ):
     return lines(folder / "walk.ndjson", trajnet_scene(fps), *map(json.dumps, tracks))
 
 
+def write_schema(folder, version=2, regions=(WKT,)):
+    """As `jupedsim.Hdf5TrajectoryWriter` does, but without its compression: every 20th step of 10 ms."""
+    path = folder / "simulation.h5"
+    kinds = [("frame", "<u8"), ("id", "<u8"), ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("region_id", "<u8")]
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"schema_version": version, "producer": "JuPedSim", "producer_version": "2.0.0"})
+        file.attrs.update({"dt": 0.01, "every_nth_frame": 20, "created": "2026-01-01T00:00:00+00:00"})
+        given = np.array([(k, who, x, y, 0.0, 0) for k, who, x, y in ROWS], np.dtype(kinds, align=True))
+        file.create_dataset("trajectory", data=given, maxshape=(None,), shuffle=True)
+        kinds = np.dtype([("id", "<u8"), ("wkt", h5py.string_dtype())], align=True)
+        file.create_dataset("regions", data=np.array(list(enumerate(regions)), kinds))
+    return path
+
+
+def write_vsp(folder):
+    """Splines of UCY through control points, pixels from the middle of a picture with y upwards."""
+    rows = [f"{len(PATHS)} - the number of splines"]
+    for path in PATHS.values():
+        rows.append(f"{len(path)} - Num of control points")
+        for k, (x, y) in zip(FRAMES, path / PIXEL_M, strict=True):
+            rows.append(f"{x:.6f} {y:.6f} {5 * k} -90.000000 - (2D point, m_id)")
+    return lines(folder / "zara.vsp", *rows)
+
+
 WRITERS = {
     "JuPedSim database": write_jupedsim,
     "Pedestrian Dynamics Data Archive": write_archive,
@@ -212,9 +236,11 @@ WRITERS = {
     "ATC shopping centre": write_atc,
     "KITTI tracking labels": write_kitti,
     "TrajNet++": write_trajnet,
+    "UCY splines": write_vsp,
 }
 BINARY = ("JuPedSim database", "Pedestrian Dynamics Data Archive")
 OPTIONS = {
-    "Stanford Drone Dataset": TableOptions(pixel_m=PIXEL_M),
-    "KITTI tracking labels": TableOptions(rate_hz=RATE_HZ),
+    "Stanford Drone Dataset": ReadOptions(pixel_m=PIXEL_M),
+    "KITTI tracking labels": ReadOptions(rate_hz=RATE_HZ),
+    "UCY splines": ReadOptions(pixel_m=PIXEL_M, rate_hz=25.0),
 }

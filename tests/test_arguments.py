@@ -184,8 +184,8 @@ def test_an_error_names_the_option_that_was_given(option, value, tmp_path, capsy
     assert f"{option} = " in said(capsys, "info", tmp_path / "walk.csv", option, value, *more)
 
 
-@pytest.mark.parametrize("sign", [",", ", ", ";", "\t", " "])
-def test_columns_may_be_separated_like_those_of_a_file(sign, tmp_path, capsys):
+@pytest.mark.parametrize("columns", ["time,id,x,y", "time, id, x, y"])
+def test_columns_are_named_in_their_order(columns, tmp_path, capsys):
     (tmp_path / "walk.csv").write_text("0,1,0,0\n0.4,1,0.4,0\n")
-    main(["info", str(tmp_path / "walk.csv"), "--columns", sign.join(["time", "id", "x", "y"])])
+    main(["info", str(tmp_path / "walk.csv"), "--columns", columns])
     assert "2 of 1 tracks" in capsys.readouterr().out

@@ -17,10 +17,10 @@ from pedpred.command.maps import map_at
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.reading import FORMATS
+from pedpred.reading.options import ReadOptions
 from pedpred.ros import write_recording
-from pedpred.sources.single_file import FORMATS
 from pedpred.storage.scenes import read_scene, write_map, write_scene
-from pedpred.tables.options import TableOptions
 from tests.conftest import ROOT
 from tests.scenes import assert_same
 from tests.test_recording import decoded
@@ -185,7 +185,7 @@ def test_help_names_every_format_that_is_read(command, capsys):
     with pytest.raises(SystemExit):
         main([command, "--help"])
     told = "".join(capsys.readouterr().out.split())
-    assert [kind.name for kind in FORMATS if "".join(kind.name.split()) not in told] == []
+    assert [reader.NAME for reader in FORMATS if "".join(reader.NAME.split()) not in told] == []
     assert all(name in told for name in ("Parquet", "Feather"))
 
 
@@ -243,12 +243,6 @@ def test_a_picture_of_any_suffix_is_a_map_where_a_file_describes_it(tmp_path):
         (tmp_path / name).rename(tmp_path / "map.pgm")
 
 
-def test_a_unit_for_what_has_metres_is_refused(tmp_path):
-    (tmp_path / "walk.ndjson").write_text('{"scene": {"fps": 2.5}}')
-    with pytest.raises(ValueRuleError, match=r"--unit = 'mm'.*unit is known"):
-        read_any(tmp_path / "walk.ndjson", options=TableOptions(unit="mm"))
-
-
 @pytest.mark.parametrize("name", ["walk.mcap", "walk.bag", "scene"])
 @pytest.mark.parametrize(
     ("option", "given"),
@@ -261,8 +255,8 @@ def test_a_unit_for_what_has_metres_is_refused(tmp_path):
 )
 def test_an_option_without_a_meaning_is_refused(tmp_path, name, option, given):
     (tmp_path / "scene").mkdir()
-    with pytest.raises(ValueRuleError, match=rf"{option} = .*{name} says times and lengths itself"):
-        read_any(tmp_path / name, options=TableOptions(**given))
+    with pytest.raises(ValueRuleError, match=rf"{option} = .*{name} says it itself"):
+        read_any(tmp_path / name, options=ReadOptions(**given))
 
 
 @pytest.mark.parametrize("name", ["walk.csv", "scene", "scene.mcap"])
@@ -275,7 +269,7 @@ def test_what_bags_alone_have_is_refused_elsewhere(tmp_path, name, option):
     rows = [f"{k},{who},{k},{who}" for k in range(3) for who in (1, 2)]
     (tmp_path / "walk.csv").write_text("\n".join(["time,id,x,y", *rows]))
     with pytest.raises(
-        SystemExit, match=r"is no bag|no row is of class|all in it are people|nothing carries no"
+        SystemExit, match=r"is no bag|no column holds classes|all in it are people|nothing carries no"
     ):
         main(["info", str(tmp_path / name), option, "nothing"])
 

@@ -47,8 +47,8 @@ def test_frames_become_seconds_and_the_map_is_free(tmp_path):
         ([], "no annotations, the file is empty"),
         ([*ROWS, "10 1 9 9"], "line 4"),
         ([*ROWS, "20 1 2.5"], "line 4: 3 columns, expected 4: frame id x y"),
-        ([*ROWS, "20 1 nan 3"], "line 4: x = 'nan', but it must be finite"),
-        ([*ROWS, "20.5 1 2 3"], "line 4: frame = 20.5, but it must be a whole number"),
+        ([*ROWS, "20 1 nan 3"], "line 4: x = nan, must be finite"),
+        ([*ROWS, "20.5 1 2 3"], "line 4: frame = 20.5, must be a whole number"),
         ([*ROWS, "20 1 1e5 3000"], "it may have at most 4000000 cells"),
     ],
 )

@@ -340,7 +340,7 @@ def test_predictions_of_trajnet_are_measured(walk, tmp_path, mixture):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "no column track"),
+        ("", "the file is empty"),
         ("track,time,x,y\n", "no column mode; there are track, time, x, y"),
         (straight_lines(0, 0.3), "no forecasts"),
         (straight_lines(5, 0.3), "reach 1.5 s ahead, and windows need 3 s"),
@@ -348,7 +348,7 @@ def test_predictions_of_trajnet_are_measured(walk, tmp_path, mixture):
         (straight_lines(12, 0.3).replace("1,2.0", "1,2.2"), "no forecast belongs to a window of walk"),
         (straight_lines(12, 0.3).replace(",3,", ",4,"), "track 1 at 2 s needs each step from 1 to"),
         (straight_lines(12, 0.3).replace(",0,1,", ",0,-1,"), "weight = -1"),
-        (straight_lines(12, 0.3).replace("5.6", "nan"), "line 13: x = 'nan'"),
+        (straight_lines(12, 0.3).replace("5.6", "nan"), "line 13: x is missing"),
         (straight_lines(12, 0.3) + "1,2.0,0\n", "line 14: 3 columns, expected 7"),
         (trajnet([0.0]), "no column track"),
     ],
@@ -363,7 +363,7 @@ def test_a_wrong_table_of_forecasts_is_refused_with_the_reason(text, message, wa
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{}", "line 1: 'track' is missing"),
+        ("{}", "no prediction: no track"),
         ("[", "line 1"),
         (trajnet([]), "no prediction"),
         (trajnet([0.0]).replace('"fps": 2.5', '"fps": 0'), "fps"),

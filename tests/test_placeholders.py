@@ -1,4 +1,4 @@
-"""Places that stand for unknown ones are left out; where people really are, nothing is."""
+"""Places in bags that stand for unknown ones are left out; where people really are, nothing is."""
 
 import logging
 
@@ -8,9 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.ros import read_bag
-from pedpred.scenes import Trajectories
-from pedpred.sources.single_file import read_file
-from pedpred.tables.placeholders import find_placeholders, without_placeholders
+from pedpred.ros.placeholders import find_placeholders
 from tests.bags import bag
 
 COUNT, STEP_S = 60, 0.25
@@ -44,14 +42,12 @@ def test_detections_at_a_placeholder_are_found_and_no_others(seed, gaps, where):
         assert found.sum() in (0, unknown.sum())
 
 
-def test_people_may_walk_through_the_origin_and_stand_there(caplog):
+def test_people_may_walk_through_the_origin_and_stand_there():
     time_s = STEP_S * np.arange(81)
     through = np.stack([0.3 * (np.arange(81) - 40), np.zeros(81)], axis=-1)
     through[35:45] = 0.0
-    people = Trajectories(np.r_[time_s, time_s], np.repeat([1, 2], 81), np.r_[through, np.zeros((81, 2))])
-    with caplog.at_level(logging.WARNING):
-        assert without_placeholders("walk.csv", people) is people
-    assert not caplog.text
+    where = np.r_[through, np.zeros((81, 2))]
+    assert not find_placeholders(np.r_[time_s, time_s], np.repeat([1, 2], 81), where).any()
 
 
 @pytest.mark.parametrize("scale", [1.0, 100.0])
@@ -59,19 +55,6 @@ def test_lengths_in_another_unit_are_no_jumps(scale):
     time_s, track_id, position = crowd(3)
     position[5] = 0.0
     assert find_placeholders(time_s, track_id, scale * position).sum() == (scale == 1.0)
-
-
-def test_who_is_never_seen_is_left_out_if_others_jump(tmp_path, caplog):
-    time_s, track_id, position = crowd(1)
-    position[track_id == 2] = 0.0
-    position[(track_id == 0) & (time_s > 10)] = 0.0
-    rows = [f"{t},{who},{x},{y}" for t, who, (x, y) in zip(time_s, track_id, position, strict=True)]
-    (tmp_path / "walk.csv").write_text("\n".join(["time,id,x,y", *rows]))
-    with caplog.at_level(logging.WARNING):
-        people = read_file(tmp_path / "walk.csv").trajectories
-    lost = int((position == 0).all(axis=1).sum())
-    assert len(people) == len(time_s) - lost
-    assert f"left out: {lost} of {len(time_s)} detections, at (0, 0): people jump there" in caplog.text
 
 
 def test_in_a_bag_it_is_the_place_in_the_robots_frame_that_counts(ros2, tmp_path, caplog):

@@ -88,15 +88,15 @@ def test_reference_picture_becomes_the_camera(folder):
         (change_row("8 2 4.0 0 6.0 9 0"), "obsmat.txt", 4, "7 columns, expected 8: frame id pos_x"),
         (change_row("8 2 4.0 0 6.0 9 0 9 9"), "obsmat.txt", 4, "9 columns"),
         (change_row("8 2 4.0 0 six 9 0 9"), "obsmat.txt", 4, "pos_y = 'six' is not a number"),
-        (change_row("8 2 nan 0 6.0 9 0 9"), "obsmat.txt", 4, "pos_x = 'nan', but it must be finite"),
+        (change_row("8 2 nan 0 6.0 9 0 9"), "obsmat.txt", 4, "pos_x = nan, must be finite"),
         (change_row("8 2.5 4.0 0 6.0 9 0 9"), "obsmat.txt", 4, "id = 2.5"),
         (change_row("4 2 4.0 0 6.0 9 0 9"), "obsmat.txt", 4, "frame 4 and id 2 again, first in line 2"),
         (change_row("8 2 4.0 0 666 9 0 9"), "obsmat.txt", 4, r"\[4.0, 666.0\] is pixel \[4.0, 333.0\]"),
-        (change_row(f"{10**18} 2 4.0 0 6.0 9 0 9"), "obsmat.txt", None, r"time_s\[3\] = 1e\+17"),
+        (change_row(f"{10**15} 2 4.0 0 6.0 9 0 9"), "obsmat.txt", None, r"time_s\[3\] = 1000+\.0"),
         (change_row("8 2 4.0 0 6.0 \u00e9"), "obsmat.txt", 4, "6 columns, expected 8: frame id"),
         (change("obsmat.txt", "\r\n"), "obsmat.txt", None, "no annotations, the file is empty"),
         (change("obsmat.txt", "\n".join(ROWS)[:-12]), "obsmat.txt", 3, "3 columns"),
-        (lambda f: (f / "obsmat.txt").unlink(), "obsmat.txt", None, "missing"),
+        (lambda f: (f / "obsmat.txt").unlink(), "obsmat.txt", None, "there is no such file"),
         (change("H.txt", "1 0 -1\n0 2 -2\n"), "H.txt", None, "2 rows, expected a 3 x 3 matrix"),
         (change("H.txt", "1 0\n0 2\n0 0\n"), "H.txt", 1, "2 columns, expected 3"),
         (change("H.txt", "1 0 -1\n0 inf -2\n0 0 1\n"), "H.txt", 2, "h_2 = 'inf'"),
@@ -116,7 +116,7 @@ def test_bad_input_is_named(folder, damage, file, line, named):
         read_sequence(folder, "tiny", SETTINGS)
     where = str(folder / file) + ("" if line is None else f", line {line}:")
     assert str(error.value).startswith(where)
-    assert "Correct the file or fetch it again" in str(error.value)
+    assert "Correct the " in str(error.value)
 
 
 def test_the_cause_is_chained(folder):

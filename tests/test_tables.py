@@ -1,6 +1,8 @@
-"""Tables of tracks: how they may look, and what is said about those that cannot be read."""
+"""Tables of tracks: every way to say what a table holds gives the same people; others are refused by line."""
 
+import gzip
 import re
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -8,146 +10,286 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pedpred.command import main
 from pedpred.errors import FileError, SourceError, StorageError, ValueRuleError
+from pedpred.reading import read_recording
+from pedpred.reading.options import UNITS, ReadOptions
+from pedpred.reading.table import TITLES
 from pedpred.scenes import Trajectories
+from pedpred.sources.scene_folder import read_folder
+from pedpred.storage.scenes import read_scene
 from pedpred.storage.tracks import read_parquet_tracks, tracks_table, write_parquet_tracks
-from pedpred.tables import text
-from pedpred.tables.options import TableOptions
-from pedpred.tables.reading import read_table
-from pedpred.tables.titles import NAMES
 from tests.scenes import assert_same, scenes
 
-ROWS = [(0.5 * k, who, 0.5 * k + who, -0.25 * k) for k in range(5) for who in (3, 7)]
-TRACKS = Trajectories(
-    *map(np.array, zip(*[(t, who) for t, who, *_ in ROWS], strict=True)), [r[2:] for r in ROWS]
-)
+ROWS = [(0.5 * k, who, 0.5 * k + who, -0.25 * k) for k in range(12) for who in (3, 7)]
+TRACKS = Trajectories([t for t, *_ in ROWS], [who for _, who, *_ in ROWS], [row[2:] for row in ROWS])
+HEADER = ("time", "id", "x", "y")
+FRAMES = [(int(2 * t), who, x, y) for t, who, x, y in ROWS]
 
 
-def lines(separator, header=("time", "id", "x", "y"), rows=ROWS):
+def lines(separator=",", header=HEADER, rows=ROWS):
     return [separator.join(map(str, row)) for row in ([header] if header else []) + list(rows)]
 
 
 @pytest.fixture
 def write(tmp_path):
-    def written(content):
-        path = tmp_path / "tracks.csv"
-        path.write_text("\n".join(content) + "\n")
+    def written(content, name="walk.csv", encoding="utf-8"):
+        path = tmp_path / name
+        path.write_bytes("\n".join([*content, ""]).encode(encoding))
         return path
 
     return written
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t", " ", ", ", "   "])
-def test_any_separator_is_found(write, separator):
-    assert_same(read_table(write(lines(separator))), TRACKS)
+def people_in(path, **options):
+    return read_recording(path, ReadOptions(**options)).scene.trajectories
+
+
+EACH = settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @given(st.data())
-@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_any_alias_in_any_order_beside_other_columns(write, data):
-    named = [data.draw(st.sampled_from(NAMES[name])) for name in ("time_s", "track_id", "x_m", "y_m")]
+@EACH
+def test_any_spelling_is_the_same_people(write, data):
+    """Separators, order and titles of columns, units, other columns, comments, decimal marks, encodings."""
+    separator = data.draw(st.sampled_from([",", ";", "\t", " ", ", ", "   ", "|"]))
+    unit = data.draw(st.sampled_from(list(UNITS)))
+    clock = data.draw(st.sampled_from(["s", "ms", "us", "ns"]))
+    title = {name: data.draw(st.sampled_from(TITLES[name])) for name in ("time", "id", "x", "y")}
+    title["time"] += f"_{clock}" if clock != "s" else ""
+    form = data.draw(st.sampled_from(["{}_{}", "{}[{}]", "{}/{}"]))
+    title |= {axis: form.format(title[axis], unit) for axis in "xy"}
     order = data.draw(st.permutations(range(5)))
-    header = [(*named, "note")[k] for k in order]
-    rows = [[(*map(str, row), "'a b'")[k] for k in order] for row in ROWS]
-    assert_same(read_table(write(lines(",", header, rows))), TRACKS)
-    assert_same(read_table(write(lines(";", [f'"{title.upper()}"' for title in header], rows))), TRACKS)
+    per_s = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[clock]
+    rows = [(t * per_s, who, x / UNITS[unit], y / UNITS[unit]) for t, who, x, y in ROWS]
+    decimal = data.draw(st.sampled_from(".," if separator not in (",", ", ") else "."))
+    rows = [[*(str(value).replace(".", decimal) for value in row), "note"] for row in rows]
+    header = [*(title[name] for name in HEADER), "speed_x"]
+    content = lines(separator, None, [[row[k] for k in order] for row in [header, *rows]])
+    encoding = data.draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"]))
+    comments = ["# Jülich"] * data.draw(st.integers(0, 2))
+    options = {"decimal": decimal, "encoding": encoding if encoding == "cp1252" else None}
+    found = people_in(write([*comments, *content], encoding=encoding), **options)
+    np.testing.assert_allclose(found.time_s, TRACKS.time_s)
+    np.testing.assert_allclose(found.position, TRACKS.position)
+    np.testing.assert_array_equal(found.track_id, TRACKS.track_id)
 
 
-def test_columns_may_be_named_by_the_caller(write):
-    assert_same(read_table(write(lines(",", None)), TableOptions(("t", "id", "x", "y"))), TRACKS)
+def test_columns_may_be_named_by_title_or_by_position(write):
     rows = [(who, 9, y, x, t) for t, who, x, y in ROWS]
-    options = TableOptions(("id", "_", "y", "x", "t"))
-    assert_same(read_table(write(lines(" ", None, rows)), options), TRACKS)
-    assert_same(
-        read_table(write(["# measured", *lines(" ", ("a", "b", "c", "d", "e"), rows)]), options), TRACKS
-    )
+    own = write(lines(",", ("agent", "id", "py", "px", "t_ros"), rows))
+    assert_same(people_in(own, columns={"time": "t_ros", "id": "agent", "x": "px", "y": "py"}), TRACKS)
+    for header in (None, ("a", "b", "c", "d", "e")):
+        path = write(["# measured", *lines(" ", header, rows)])
+        assert_same(people_in(path, columns=("id", "_", "y", "x", "time")), TRACKS)
+    with pytest.raises(SourceError, match=r"no column for x, y; there are agent, id, py, px.*--columns x="):
+        people_in(write(lines(",", ("agent", "id", "py", "px", "t_ros"), rows)), columns={"time": "t_ros"})
 
 
-def test_a_clock_may_count_frames_or_milliseconds(write):
-    frames = [(round(8 * t), *rest) for t, *rest in ROWS]
-    path = write(lines(",", ("frame", "id", "x", "y"), frames))
-    assert_same(read_table(path, TableOptions(rate_hz=8.0)), TRACKS)
-    with pytest.raises(SourceError, match=r"frame numbers, but no rate.*--rate"):
-        read_table(path)
-    millis = [(round(1000 * t), *rest) for t, *rest in ROWS]
-    assert_same(read_table(write(lines(",", ("time_ms", "id", "x", "y"), millis))), TRACKS)
+def test_the_command_takes_what_a_table_does_not_say(write, tmp_path):
+    rows = [(*(f"{100 * v:.1f}".replace(".", ",") for v in (x, y)), who, k) for k, who, x, y in FRAMES]
+    path = write(lines("~", ("px", "py", "agent", "n"), rows))
+    given = ["--columns", "frame=n,id=agent,x=px,y=py", "--rate", "2", "--unit", "cm", "--decimal", ","]
+    main(["convert", str(path), "-o", str(tmp_path / "walk"), "--delimiter", "~", *given])
+    assert_same(read_scene(tmp_path / "walk").trajectories, TRACKS)
+
+
+@pytest.mark.parametrize(
+    "comments",
+    [["# framerate: 2", "# id frame x/m y/m"], ["#fps=2"], ["# Frame rate 2.00"], ["# x [cm], 2 fps"]],
+)
+def test_comments_say_rate_and_unit_of_frames(write, comments):
+    path = write([*comments, *lines(" ", None, [(who, k, x, y) for k, who, x, y in FRAMES])])
+    scale = 0.01 if "cm" in comments[0] else 1.0
+    found = people_in(path)
+    np.testing.assert_allclose(found.position, scale * TRACKS.position)
+    np.testing.assert_allclose(found.time_s, TRACKS.time_s)
 
 
 def test_a_comment_may_be_the_header(write):
-    assert_same(read_table(write(["# a walk", *(f"#{h}" for h in lines(" ")[:1]), *lines(" ")[1:]])), TRACKS)
+    assert_same(people_in(write(["# a walk", f"# {lines(' ')[0]}", *lines(" ")[1:]])), TRACKS)
 
 
-@pytest.mark.parametrize("columns", [("time", "id", "x", "y"), ("time", "id", "x", "y", "a", "b")])
-def test_too_few_or_too_many_names_of_columns_are_no_fault_of_the_line(write, columns):
-    path = write([f"{k},1,{k},2,9" for k in range(3)])
-    with pytest.raises(SourceError, match=r"5 columns, expected [46].*--columns names all columns in order"):
-        read_table(path, TableOptions(columns))
+def test_dates_of_iso_8601_are_seconds(write):
+    days = pd.to_datetime(1_709_683_190 + np.array([row[0] for row in ROWS]), unit="s")  # through midnight
+    for text in (
+        days.astype(str),
+        days.strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
+        days.tz_localize("UTC").astype(str),
+    ):
+        found = people_in(write(lines(rows=[(d, *row[1:]) for d, row in zip(text, ROWS, strict=True)])))
+        np.testing.assert_allclose(found.time_s - 1_709_683_190, TRACKS.time_s, atol=1e-6)
+    with pytest.raises(SourceError, match=r"line 2: time = '5\.3\.2024' is not a number.*ISO 8601"):
+        people_in(write(lines(rows=[("5.3.2024", *row[1:]) for row in ROWS])))
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".feather"])
+def test_parquet_and_feather_are_tables(tmp_path, suffix):
+    frame = pd.DataFrame(ROWS, columns=["time", "ped_id", "x [cm]", "y [cm]"]).assign(note="a")
+    frame[["x [cm]", "y [cm]"]] *= 100
+    path = tmp_path / f"walk{suffix}"
+    (frame.to_parquet if suffix == ".parquet" else frame.to_feather)(path)
+    np.testing.assert_allclose(people_in(path).position, TRACKS.position)
+
+
+def test_a_table_may_be_compressed_with_gzip_within_a_bound(write, monkeypatch):
+    path = write(lines())
+    packed = path.with_name("walk.csv.gz")
+    packed.write_bytes(gzip.compress(path.read_bytes()))
+    assert_same(people_in(packed), TRACKS)
+    monkeypatch.setattr("pedpred.reading._LARGEST_BYTES", 100)
+    with pytest.raises(SourceError, match=r"walk\.csv\.gz: it unpacks to more than 100 bytes"):
+        people_in(packed)
+
+
+def test_a_folder_may_hold_one_person_per_file(tmp_path, capsys):
+    for who in (3, 7):
+        rows = [(t, x, y) for t, one, x, y in ROWS if one == who]
+        (tmp_path / f"walker_{who}.csv").write_text("\n".join(lines(",", ("timestamp", "x", "y"), rows)))
+    recording = read_recording(tmp_path, ReadOptions(one_person_per_file=True))
+    assert recording.names.of_number == {0: "walker_3", 1: "walker_7"}
+    np.testing.assert_array_equal(recording.scene.trajectories.time_s, TRACKS.time_s)
+    main(["info", str(tmp_path), "--one-person-per-file"])
+    assert "24 of 2 tracks" in capsys.readouterr().out
+    (tmp_path / "walker_8.csv").write_text("timestamp,x,y\n0,1,left\n")
+    with pytest.raises(SourceError, match=r"walker_8\.csv, line 2: y = 'left' is not a number"):
+        read_recording(tmp_path, ReadOptions(one_person_per_file=True))
+
+
+# Rows: ids, classes, copies, missing ones
+
+
+def test_ids_may_be_words_and_are_numbered_as_they_appear(write):
+    called = {3: "Helmet_1", 7: "01"}
+    path = write(lines(rows=[(t, called[who], x, y) for t, who, x, y in ROWS]))
+    recording = read_recording(path)
+    assert recording.names.of_number == {0: "Helmet_1", 1: "01"}
+    np.testing.assert_array_equal(recording.scene.trajectories.position, TRACKS.position)
+
+
+@given(st.lists(st.integers(-(2**63), 2**63 - 1), unique=True, min_size=1, max_size=5))
+@EACH
+def test_ids_of_64_bits_are_exact_in_text_and_parquet(write, tmp_path, ids):
+    ids = [who for who in ids if who != -1] or [5]
+    rows = [(k, who, 0.1 * k, 0.0) for who in ids for k in (0, 1)]
+    assert sorted(set(people_in(write(lines(rows=rows))).track_id.tolist())) == sorted(ids)
+    pd.DataFrame(rows, columns=HEADER).to_parquet(tmp_path / "walk.parquet")
+    assert sorted(set(people_in(tmp_path / "walk.parquet").track_id.tolist())) == sorted(ids)
+
+
+def test_rows_that_are_no_detections_are_dropped_with_a_warning(write, caplog):
+    more = ["9,3,,", "9,,1,1", "9,-1,1,1", lines()[1], ",,,"]
+    assert_same(people_in(write([*lines(), *more])), TRACKS)
+    for said in (
+        "1 rows without a position",
+        "1 rows with a position and no id",
+        "with id -1",
+        "that repeat",
+    ):
+        assert f"dropped {said}" in caplog.text or said in caplog.text
+
+
+LABELS = ["pedestrian", "Child", "human.pedestrian.adult", "person_using_crutches", "wheelchair", "stroller"]
+
+
+@given(
+    st.lists(st.sampled_from(LABELS), min_size=1, max_size=3),
+    st.sampled_from(["bicycle", "e-scooter", "Car"]),
+)
+@EACH
+def test_whom_a_robot_may_hit_is_a_person_and_other_road_users_are_not(write, labels, other):
+    rows = [(*row, labels[k % len(labels)]) for k, row in enumerate(ROWS)]
+    rows += [(0.5 * k, 9, 5.0 * k, 0.0, other) for k in range(12)]
+    path = write(lines(",", (*HEADER, "class"), rows))
+    assert_same(people_in(path), TRACKS)
+    assert set(people_in(path, classes=(other,), any_speed=True).track_id) == {9}
+    assert len(people_in(path, classes=("",), any_speed=True)) == len(rows)
+
+
+def test_classes_that_are_no_words_for_people_are_asked_for(write):
+    path = write(lines(",", (*HEADER, "type"), [(*row, row[1]) for row in ROWS]))
+    with pytest.raises(SourceError, match=r"no row is of a person; there are 12 of '[37]'.*--class"):
+        people_in(path)
+    assert set(people_in(path, classes=("7",)).track_id) == {7}
+    with pytest.raises(SourceError, match="no column holds classes"):
+        people_in(write(lines()), classes=("7",))
+
+
+# What is wrong is said
 
 
 @given(row=st.integers(1, len(ROWS)), many=st.booleans(), separator=st.sampled_from(",;\t "))
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@EACH
 def test_a_row_with_a_value_too_many_or_too_few_is_named(write, row, many, separator):
     content = lines(separator)
     content[row] = f"{content[row]}{separator}9" if many else content[row].rpartition(separator)[0]
-    with pytest.raises(
-        SourceError, match=rf"tracks\.csv, line {row + 1}: {5 if many else 3} columns"
-    ) as error:
-        read_table(write(content))
-    assert error.value.line == row + 1
+    with pytest.raises(SourceError, match=rf"walk\.csv, line {row + 1}: {5 if many else 3} columns"):
+        people_in(write(content))
 
 
 @pytest.mark.parametrize(
     ("content", "named"),
     [
-        ("", "no detections, the file is empty"),
-        ("time,id,x\n0,1,2\n", r"no column for y_m, .* y, y_m, pos_y.* There are time \| id \| x;"),
-        (
-            "when~who~x~y\n0~1~2~3\n",
-            "no column for time_s.* t, time, .* There are when~who~x~y.*semicolons, tabs, . or blanks",
-        ),
-        ("time,t,id,x,y\n0,0,1,2,3\n", "columns time and t are both time_s"),
-        ("0,1,2,3\n", "line 1: no header, the first line is '0,1,2,3'.*--columns time,id,x,y"),
+        ("time,id,x\n0,1,2\n", "no column for y; there are time, id, x.*--columns y=TITLE"),
+        ("t~who~x~y\n0~1~2~3\n", "no column for time or frame, id, x, y; there are t~who~x~y"),
+        ("time,id,x,y,x\n0,1,2,3,4\n", "several columns 'x'.*--columns time,id,x,y"),
+        ("x_cm,y_m,id,t\n0,1,2,3\n", "x and y have the units cm and m"),
         ("time,id,x,y\n0,1,2,left\n", "line 2: y = 'left' is not a number"),
-        ("time;id;x;y\n0;1;1.002,5;3\n", "line 2: x = '1.002,5' is not a number"),
-        ("time;id;x;y\n0;1;2,5;3\n1;1;2.5;3\n", "line 3: .* commas in line 2 and points in line 3.*without"),
-        ("time,id,x,y\n0,1,2,5,3\n", "line 2: 5 columns, .*decimal ones.*semicolons"),
-        ("time,id,x,y\n0,1,inf,3\n", "line 2: x = 'inf', but it must be finite"),
-        ("time,id,x,y\n0,1.5,2,3\n", "line 2: id = 1.5, but it must be a whole number"),
-        (f"frame,id,x,y\n{2**63},1,2,3\n", "line 2: frame = 9223372036854775808, but .* 64 bits"),
-        (
-            "time,id,x,y\n0,1,2,3\n\n1,1,2,3\n0,1,2,4\n",
-            "line 5: .* again, first in line 2",
-        ),
-        ("time,id,x,y\n0,1,2," + "3" * 70_000, "line 2"),
+        ("time;id;x;y\n0;1;2,5;3\n", "line 2: x = '2,5' is not a number. Say the decimal mark: --decimal ,"),
+        ("time,id,x,y\n0,1,2,5,3\n", "line 2: 5 columns"),
+        ("time,id,x,y\n0,1,inf,3\n", "line 2: x = 'inf', must be finite"),
+        ("time,id,x,y\n0,1,1_0,3\n", "line 2: x = '1_0' is not a number"),
+        ("time,id,x,y\n0,1.5,2,3\n", "id = '1.5' is not a whole number"),
+        ("time,id,x,y\n0,,2,3\n", "id is missing in all rows"),
+        ("time,id,x,y\n,1,2,3\n", "line 2: time is missing"),
+        ("frame,id,x,y\n0.5,1,2,3\n", "line 2: frame = 0.5, must be a whole number|frame rate"),
+        ("time,id,x,y\n0,1,2,3\n1,1,2,3\n0,1,2,4\n", "line 4: id 1 is at another place at 0 s in line 2"),
+        ("time,id,x,y\n0,1,2,3\n", "no pedestrian was detected twice.*is the right column used as id"),
+        ("time,id,x,y\n", "no detections: no row"),
+        ("0,1,2\n", "no header, and 3 columns"),
+        ("time,id,x,y\n0,1,2," + "3" * 2**21, "a line of more than|at most 1e"),
+        ("\n".join(",".join(["0.5"] * 50) for _ in range(4)), "a transposed table: few rows with 50 columns"),
+        (b"time,id,x,y\n0,1,2,\x81\n", "the text is not utf-8.*--encoding cp1252"),
     ],
 )
-def test_what_is_wrong_is_said(write, content, named):
-    with pytest.raises(SourceError, match=named.replace("|", r"\|")) as error:
-        read_table(write([content]))
-    assert "tracks.csv" in str(error.value)
-    assert "dvc" not in str(error.value)
+def test_what_is_wrong_is_said(tmp_path, content, named):
+    path = tmp_path / "walk.csv"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(SourceError, match=rf"walk\.csv.*({named})"):
+        read_recording(path)
 
 
-@pytest.mark.parametrize("columns", [("t", "id", "x"), ("t", "t", "id", "x", "y"), ()])
-def test_columns_of_the_caller_are_checked(columns):
-    with pytest.raises(ValueRuleError, match="columns"):
-        TableOptions(columns)
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"columns": ("t", "id", "x")},
+        {"columns": ("time", "time", "id", "x", "y")},
+        {"columns": {"who": "agent"}},
+        {"rate_hz": 0.0},
+        {"rate_hz": np.nan},
+        {"unit": "km"},
+        {"unit": "cm", "pixel_m": 0.1},
+        {"delimiter": ";;"},
+        {"decimal": ",", "delimiter": ","},
+    ],
+)
+def test_options_are_checked(wrong):
+    with pytest.raises(ValueRuleError, match=next(iter(wrong))):
+        ReadOptions(**wrong)
 
 
-@pytest.mark.parametrize("rate_hz", [0.0, -1.0, np.nan, np.inf])
-def test_a_rate_is_checked(rate_hz):
-    with pytest.raises(ValueRuleError, match="rate_hz"):
-        TableOptions(rate_hz=rate_hz)
+def test_rows_are_bounded(write, monkeypatch, tmp_path):
+    path = write(lines())
+    monkeypatch.setattr("pedpred.reading.text.MOST_NUMBERS", 20)
+    with pytest.raises(SourceError, match="more than 5 rows"):
+        read_recording(path)
+    pd.DataFrame(ROWS, columns=HEADER).to_parquet(tmp_path / "walk.parquet")
+    monkeypatch.setattr("pedpred.reading.table.MOST_NUMBERS", 20)
+    with pytest.raises(SourceError, match="24 rows, at most 5"):
+        read_recording(tmp_path / "walk.parquet")
 
 
-@given(st.lists(st.integers(-(2**62), 2**62), unique=True, min_size=1, max_size=5))
-@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_ids_of_64_bits_are_exact_in_text_and_parquet(write, tmp_path, ids):
-    path = write(["time,id,x,y", *(f"0,{who},0,0" for who in ids)])
-    assert sorted(read_table(path).track_id.tolist()) == sorted(ids)
-    table = pd.DataFrame({"time_s": 0.0, "track_id": ids, "x_m": 0.0, "y_m": 0.0})
-    table.to_parquet(tmp_path / "tracks.parquet")
-    assert sorted(read_parquet_tracks(tmp_path / "tracks.parquet").track_id.tolist()) == sorted(ids)
+# Scene folders and their tables
 
 
 @given(scenes())
@@ -157,41 +299,63 @@ def test_parquet_there_and_back(tmp_path, scene):
     assert_same(read_parquet_tracks(tmp_path / "tracks.parquet"), scene.trajectories)
 
 
-@pytest.mark.parametrize("content", [b"time,id,x,y\n0,1,2,\x81\n", "time,id,x,y\n".encode("utf-16")[:-1]])
-def test_what_is_no_text_is_said(write, content):
-    path = write([])
-    path.write_bytes(content)
-    with pytest.raises(SourceError, match="not a readable text file"):
-        read_table(path)
-
-
-# Bounds
-
-
-def test_other_columns_are_not_decoded(tmp_path):
+def test_other_columns_are_not_decoded_and_needed_ones_hold_numbers(tmp_path):
     """A small file with a dictionary column that would fill the memory."""
-    table = tracks_table(TRACKS).assign(
-        note=pd.Categorical(["a" * 2**20] * len(TRACKS)), fields=[[1]] * len(TRACKS)
-    )
-    table.to_parquet(tmp_path / "tracks.parquet")
-    assert_same(read_parquet_tracks(tmp_path / "tracks.parquet"), TRACKS)
-
-
-@pytest.mark.parametrize("kind", ["category", "string"])
-def test_a_needed_column_of_another_type_is_refused_before_it_is_decoded(tmp_path, kind):
     table = tracks_table(TRACKS)
-    table["x_m"] = table["x_m"].astype(str).astype(kind)
-    table.to_parquet(tmp_path / "tracks.parquet")
+    note = pd.Categorical(["a" * 2**20] * len(TRACKS))
+    table.assign(note=note, fields=[[1]] * len(TRACKS)).to_parquet(tmp_path / "tracks.parquet")
+    assert_same(read_parquet_tracks(tmp_path / "tracks.parquet"), TRACKS)
+    table.assign(x_m=table.x_m.astype(str)).to_parquet(tmp_path / "tracks.parquet")
     with pytest.raises(StorageError, match=r"column x_m: .*not numbers"):
         read_parquet_tracks(tmp_path / "tracks.parquet")
 
 
-def test_rows_are_bounded_before_they_are_decoded(tmp_path, write, monkeypatch):
+def test_stored_rows_are_bounded_before_they_are_decoded(tmp_path, monkeypatch):
     write_parquet_tracks(TRACKS, tmp_path / "tracks.parquet")
     monkeypatch.setattr("pedpred.storage.tracks.MOST_NUMBERS", 4 * len(TRACKS) - 1)
     monkeypatch.setattr("pedpred.storage.tracks.read_columns", lambda *_: pytest.fail("it was decoded"))
-    with pytest.raises(StorageError, match=re.escape(f"{len(TRACKS)} rows of 4 numbers")):
+    with pytest.raises(FileError, match=re.escape(f"{len(TRACKS)} rows of 4 numbers")):
         read_parquet_tracks(tmp_path / "tracks.parquet")
-    monkeypatch.setattr(text, "MOST_NUMBERS", 20)
-    with pytest.raises(FileError, match="more than 4 rows"):
-        read_table(write(lines(",")))
+
+
+@pytest.fixture
+def own(write, tmp_path):
+    """A scene folder with a table of tracks."""
+    main(["convert", str(write(lines())), "-o", str(tmp_path / "own")])
+    (tmp_path / "own/tracks.parquet").unlink()
+    (tmp_path / "own/tracks.csv").write_text("\n".join(lines()))
+    return tmp_path / "own"
+
+
+def test_the_clock_of_a_folder_of_ones_own_is_checked_too(own):
+    assert_same(read_folder(own, "mine", {}).trajectories, TRACKS)
+    (own / "tracks.csv").write_text("\n".join(lines(rows=[(1000 * t, *rest) for t, *rest in ROWS])))
+    with pytest.raises(SourceError, match="looks like milliseconds"):
+        read_folder(own, "mine", {})
+
+
+def test_a_folder_with_a_table_is_not_converted_into_itself(own):
+    """Otherwise later corrections of the table would lose against what was converted."""
+    before = {path.name: path.read_bytes() for path in own.iterdir()}
+    with pytest.raises(SystemExit, match=r"own: .* is an input of this command"):
+        main(["convert", str(own), "-o", str(own), "--force"])
+    assert {path.name: path.read_bytes() for path in own.iterdir()} == before
+
+
+@pytest.mark.parametrize("command", ["convert", "predict"])
+def test_a_layout_beside_a_recording_is_not_overwritten_unasked(write, tmp_path, command):
+    (tmp_path / "out.foxglove.json").write_text("precious")
+    with pytest.raises(SystemExit, match=r"out\.foxglove\.json is there already; --force"):
+        main([command, str(write(lines())), "-o", str(tmp_path / "out.mcap")])
+    assert (tmp_path / "out.foxglove.json").read_text() == "precious"
+    assert not (tmp_path / "out.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [("convert", "x.csv"), ("predict", "x"), ("predict", "x.xlsx"), ("convert", "hall.v2")],
+)
+def test_the_name_of_an_output_says_what_it_is(write, tmp_path, command, name):
+    with pytest.raises(SystemExit, match=r"ends in \.mcap"):
+        main([command, str(write(lines())), "-o", str(tmp_path / name)])
+    assert not Path(tmp_path / name).exists()

@@ -11,9 +11,9 @@ from pathlib import Path
 from pedpred.command.conversion import read_any
 from pedpred.config import config_errors, read_params
 from pedpred.errors import ConfigError, FileError, ValueRuleError
+from pedpred.reading.options import ReadOptions
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import read_scene, scene_folders
-from pedpred.tables.options import TableOptions
 from tools.arguments import positive
 
 REAL = Path("data/scenes/real")
@@ -54,7 +54,7 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
         raise ValueRuleError("--rate", rate_hz, "it is that of files that count frames: name some")
     names: set[str] = set()
     for number, path in enumerate(files, start=1):
-        scene = read_any(path, options=TableOptions(rate_hz=rate_hz) if path.is_file() else None)
+        scene = read_any(path, options=ReadOptions(rate_hz=rate_hz) if path.is_file() else None)
         if scene.unavailable is not None:
             raise FileError(path, "", "its recording is not available", scene.unavailable)
         if scene.name in names:

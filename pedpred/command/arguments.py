@@ -28,14 +28,14 @@ from pedpred.errors import OutputError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.files import check_input, check_output
 from pedpred.online.network import read_description
-from pedpred.sources.single_file import FORMATS
-from pedpred.tables.classes import PERSON_CLASSES
-from pedpred.tables.units import UNITS
+from pedpred.reading import FORMATS
+from pedpred.reading.options import UNITS
+from pedpred.scenes.people import PERSON_CLASSES
 
 _SCENE = (
     "a scene folder, an MCAP recording, a ROS bag, a table (text, Parquet or Feather) with time, id, x, y, a "
     "text with id, frame, x, y as PeTrack, JuPedSim and PedPy write it, or frame, id, x, y as for SGAN, or "
-    f"one of these files: {', '.join(kind.name for kind in FORMATS)}"
+    f"one of these files: {', '.join(reader.NAME for reader in FORMATS)}"
 )
 _TRACKER = "a YAML file with acceleration_noise, position_noise_m and initial_speed_mps, as in conf/trackers"
 
@@ -188,15 +188,23 @@ def _add(commands: Any, action: Callable[[argparse.Namespace], None], scenes: st
     option("--topic", help="topic of the people in a bag, if several topics carry people")
     grids = "topic of the map in a bag (default: /map, or else the only grid that is no costmap); '': no map"
     option("--map-topic", help=grids)
-    kinds = f"class of people in a bag or table (default: {', '.join(PERSON_CLASSES)}; in a table also other "
-    kinds += "words for people); may be repeated"
+    kinds = (
+        f"class of people (default: any with the word {', '.join(PERSON_CLASSES)}); may be repeated; '': all"
+    )
     option("--class", dest="classes", action="append", metavar="CLASS", help=kinds)
     pose = "pose of the people's frame in the map's frame, if the two differ, m, m, rad"
     option("--transform", type=float, nargs=3, metavar=("X", "Y", "YAW"), help=pose)
-    named = (
-        "names of a table's columns in order, instead of its header, such as time,id,x,y; others are ignored"
-    )
+    named = "the columns of a table: time=t_ros,id=agent,x=px,y=py by title, or frame,id,x,y in their order"
     option("--columns", help=named)
+    option(
+        "--delimiter", metavar="SIGN", help="between the columns of a text (default: found in its first line)"
+    )
+    option("--decimal", choices=[".", ","], default=".", help="decimal mark of a text (default .)")
+    option("--encoding", help="of a text, such as cp1252 (default: UTF-8, or UTF-16 with a mark)")
+    files = "SCENE is a folder with a file for each person, whose name is the id"
+    option("--one-person-per-file", action="store_true", help=files)
+    fast = "read people who are faster than people walk, with a warning"
+    option("--any-speed", action="store_true", help=fast)
     counted = "frames per second, if the file counts frames and does not state their rate, Hz"
     option("--rate", "--frame-rate", type=float, help=counted)
     long = "unit of lengths in a table or text (default: what the file says, else m)"

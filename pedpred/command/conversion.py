@@ -6,7 +6,7 @@ import argparse
 import logging
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -17,25 +17,35 @@ from mcap.writer import MCAP0_MAGIC
 
 from pedpred.command.maps import map_at
 from pedpred.errors import SourceError, ValueRuleError
-from pedpred.ros import Transform, is_bag, is_recording, read_bag, read_recording, write_recording
+from pedpred.reading import Recording, read_recording
+from pedpred.reading.checks import check_speeds
+from pedpred.reading.geometry import is_geometry, read_ground, read_walls
+from pedpred.reading.head import Head
+from pedpred.reading.names import TrackNames
+from pedpred.reading.options import ReadOptions
+from pedpred.reading.pixels import read_homography
+from pedpred.ros import Transform, is_bag, is_recording, read_bag, write_recording
+from pedpred.ros import read_recording as read_mcap
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
-from pedpred.sources.beginnings import Beginning
-from pedpred.sources.geometries import is_geometry, read_ground, read_walls
-from pedpred.sources.plausibility import check_speeds
+from pedpred.scenes.people import PERSON_CLASSES
 from pedpred.sources.scene_folder import read_own
-from pedpred.sources.single_file import format_of, read_file
 from pedpred.storage.scenes import write_scene
-from pedpred.tables.classes import PERSON_CLASSES
-from pedpred.tables.lines import titles_in
-from pedpred.tables.names import TrackNames
-from pedpred.tables.options import TableOptions
-from pedpred.tables.pictures import read_homography
 
 _MAP_BESIDE, _MOST_OUTSIDE = "map.yaml", 0.5
 
-_FOR_FILES = {"--unit": "unit", "--scale": "pixel_m", "--rate": "rate_hz", "--columns": "columns"}
-"""Options that have a meaning for files of tracks alone, and their fields of `TableOptions`."""
+_OPTIONS = {
+    "columns": "--columns",
+    "rate_hz": "--rate",
+    "unit": "--unit",
+    "pixel_m": "--scale",
+    "homography": "--homography",
+    "delimiter": "--delimiter",
+    "decimal": "--decimal",
+    "encoding": "--encoding",
+    "one_person_per_file": "--one-person-per-file",
+}
+"""Fields of `ReadOptions` that have a meaning for files of tracks alone, and the options that set them."""
 
 _log = logging.getLogger(__name__)
 _OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id", "person_id")
@@ -43,15 +53,15 @@ _OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id", "person_id")
 
 def info(arguments: argparse.Namespace) -> None:
     """Describe the content of a scene."""
-    scene = read_given(arguments)
-    trajectories, occupancy = scene.trajectories, scene.occupancy
+    recording = open_given(arguments)
+    scene, trajectories, occupancy = recording.scene, recording.scene.trajectories, recording.scene.occupancy
     tracks, instants = (len(np.unique(values)) for values in (trajectories.track_id, trajectories.time_s))
     span_s = float(np.ptp(trajectories.time_s)) if len(trajectories) else 0.0
     known = [name for name in _OPTIONAL if getattr(trajectories, name) is not None]
     width, height = occupancy.extent_m
     lines = {
         "name": scene.name,
-        "read as": _read_as(arguments),
+        "read as": recording.format,
         "detections": f"{len(trajectories)} of {tracks} tracks, {instants} instants",
         "duration": f"{span_s:.1f} s, usually {scene.detection_dt_s:.3g} s between two detections",
         "map": f"{width:.1f} m x {height:.1f} m, cells of {occupancy.resolution_m:g} m, "
@@ -72,7 +82,7 @@ def convert(arguments: argparse.Namespace) -> None:
             "output", str(arguments.output), "a name ends in .mcap, or has no dot, as that of a scene folder"
         )
     scene = read_given(arguments)
-    if _kind_of(arguments.scene) == "tracks":
+    if _kind_of(arguments.scene, arguments.one_person_per_file) == "tracks":
         scene = replace(scene, name=arguments.output.stem)
     _log.info("%s: %s", scene.name, placement(scene.trajectories.position, scene.occupancy))
     if arguments.output.suffix == ".mcap":
@@ -83,30 +93,37 @@ def convert(arguments: argparse.Namespace) -> None:
 
 
 def read_given(arguments: argparse.Namespace, names: TrackNames | None = None) -> Scene:
-    """Read the scene that the arguments name, on the map that they name; a misplaced map is warned about.
+    """Read the scene that the arguments name; see `open_given`.
 
     Args:
         arguments: of the command line.
         names: takes those of tracks whose ids are words.
+    """
+    recording = open_given(arguments)
+    if names is not None:
+        names.of_number.update(recording.names.of_number)
+    return recording.scene
+
+
+def open_given(arguments: argparse.Namespace) -> Recording:
+    """Read what the arguments name, on the map that they name; a misplaced map is warned about.
 
     Raises:
         ValueRuleError: open ends are given without a geometry file, or another option has no meaning.
     """
     replaced = arguments.map is not None or arguments.no_map
-    ground = "" if replaced else arguments.map_topic
     transform = None if arguments.transform is None else Transform(*arguments.transform)
-    classes, options = arguments.classes or PERSON_CLASSES, _options(arguments)
-    if names is not None:
-        options = replace(options, names=names)
-    scene = read_any(arguments.scene, arguments.topic, options, transform, ground, classes)
-    if ground := _ground_given(arguments):
+    map_topic = "" if replaced else arguments.map_topic
+    recording = _open(arguments.scene, arguments.topic, _options(arguments), transform, map_topic)
+    scene = recording.scene
+    if ground := _ground_given(arguments, recording):
         scene = replace(scene, occupancy=ground)
     elif not arguments.no_map and not scene.occupancy.occupied.any():
         scene = _on_map_beside(scene, arguments.scene)
     if arguments.no_map:
         scene = replace(scene, occupancy=OccupancyMap.free_around(scene.trajectories.position))
     checked_placement(scene)
-    return scene
+    return replace(recording, scene=scene)
 
 
 def warn_without_obstacles(scene: Scene, arguments: argparse.Namespace) -> None:
@@ -116,23 +133,35 @@ def warn_without_obstacles(scene: Scene, arguments: argparse.Namespace) -> None:
         _log.warning("%s has no obstacles: forecasts go through walls. %s", scene.name, remedy)
 
 
-def _options(arguments: argparse.Namespace) -> TableOptions:
-    """What the arguments say about a file of tracks.
-
-    Raises:
-        ValueRuleError: a homography is given for something else than pixels.
-    """
-    columns = None if arguments.columns is None else tuple(titles_in(arguments.columns))
-    classes = tuple(arguments.classes or ())
-    with options_for_fields(_FOR_FILES):
-        options = TableOptions(columns, arguments.rate, arguments.unit, arguments.scale, classes=classes)
-    if arguments.homography is None:
-        return options
-    if _kind_of(arguments.scene) != "tracks" or not format_of(arguments.scene, options).pixels:
-        rule = f"the positions in {arguments.scene} are not pixels"
-        raise ValueRuleError("--homography", str(arguments.homography), rule)
-    with options_for_fields(_FOR_FILES):
+def _options(arguments: argparse.Namespace) -> ReadOptions:
+    """What the arguments say about a recording."""
+    with options_for_fields({option: field for field, option in _OPTIONS.items()}):
+        options = ReadOptions(
+            columns=_columns(arguments.columns),
+            rate_hz=arguments.rate,
+            unit=arguments.unit,
+            pixel_m=arguments.scale,
+            classes=tuple(arguments.classes or ()),
+            delimiter=arguments.delimiter,
+            decimal=arguments.decimal,
+            encoding=arguments.encoding,
+            any_speed=arguments.any_speed,
+            one_person_per_file=arguments.one_person_per_file,
+        )
+        if arguments.homography is None:
+            return options
         return replace(options, homography=read_homography(arguments.homography))
+
+
+def _columns(text: str | None) -> Mapping[str, str] | tuple[str, ...] | None:
+    """The columns in `time=t_ros,id=agent` (by title) or `frame,id,x,y` (by position)."""
+    if text is None:
+        return None
+    parts = [part.strip() for part in text.split(",")]
+    if not any("=" in part for part in parts):
+        return tuple(parts)
+    pairs = [part.partition("=") for part in parts]
+    return {quantity.strip(): title.strip() for quantity, _, title in pairs}
 
 
 @contextmanager
@@ -149,38 +178,29 @@ def options_for_fields(options: Mapping[str, str]) -> Iterator[None]:
         raise ValueRuleError(option, cause.value, cause.rule) from cause
 
 
-def _read_as(arguments: argparse.Namespace) -> str:
-    """The format as which the scene was read."""
-    kind = _kind_of(arguments.scene)
-    if kind == "tracks":
-        return format_of(arguments.scene, _options(arguments)).name
-    if kind == "recording" and arguments.topic is None:
-        return "recording of pedpred"
-    return "scene folder" if kind == "folder" else "ROS bag"
-
-
-def _kind_of(path: Path) -> Literal["bag", "folder", "tracks", "recording"]:
+def _kind_of(
+    path: Path, one_person_per_file: bool = False
+) -> Literal["bag", "folder", "tracks", "recording"]:
     """What a path is: a bag, a scene folder, a file of tracks, or a recording of `write_recording`."""
+    if one_person_per_file:
+        return "tracks"
     if is_bag(path):
         return "bag"
     if path.is_dir():
         return "folder"
-    is_mcap = path.suffix == ".mcap" or (path.is_file() and Beginning.of(path).raw.startswith(MCAP0_MAGIC))
+    is_mcap = path.suffix == ".mcap" or (path.is_file() and Head.of(path).raw.startswith(MCAP0_MAGIC))
     if not is_mcap:
         return "tracks"
     return "recording" if is_recording(path) else "bag"
 
 
-def _ground_given(arguments: argparse.Namespace) -> OccupancyMap | None:
+def _ground_given(arguments: argparse.Namespace, recording: Recording) -> OccupancyMap | None:
     """The map that replaces that of the scene."""
     edges = [[end[:2], end[2:]] for end in arguments.open_end]
     if arguments.map is not None and is_geometry(arguments.map):
         return read_ground(arguments.map, read_walls(arguments.map), edges)
-    inside = None
-    if edges and arguments.map is None and _kind_of(arguments.scene) == "tracks":
-        inside = format_of(arguments.scene, _options(arguments)).walls(arguments.scene)
-    if inside is not None:
-        return read_ground(arguments.scene, inside, edges)
+    if edges and arguments.map is None and recording.walls is not None:
+        return read_ground(arguments.scene, recording.walls, edges)
     if edges:
         remedy = "it needs a geometry: --map walls.xml or .wkt, or a recording that has one"
         raise ValueRuleError("--open-end", arguments.open_end[0], remedy)
@@ -190,7 +210,7 @@ def _ground_given(arguments: argparse.Namespace) -> OccupancyMap | None:
 def _on_map_beside(scene: Scene, path: Path) -> Scene:
     """A scene without obstacles, on the map of the map.yaml beside its file if there is one."""
     beside = path.with_name(_MAP_BESIDE)
-    if _kind_of(path) != "tracks" or not beside.exists():
+    if path.is_dir() or _kind_of(path) != "tracks" or not beside.exists():
         return scene
     ground = map_at(beside)
     if placement(scene.trajectories.position, ground).outside > _MOST_OUTSIDE:
@@ -230,59 +250,72 @@ def _check_folder(path: Path) -> None:
     """
     if path.is_dir() and not any((path / name).exists() for name in ("scene.json", "tracks.parquet")):
         files = sorted(file.name for file in path.iterdir() if file.is_file() and file.name[0] != ".")
-        remedy = f"Name one of its files, such as {path / files[0]}" if files else "It holds no files"
+        remedy = (
+            f"Name one of its files, such as {path / files[0]}, or say --one-person-per-file"
+            if files
+            else "It holds no files"
+        )
         raise SourceError(path, None, "a folder with no scene and no bag", remedy)
 
 
 def read_any(
     path: Path,
     topic: str | None = None,
-    options: TableOptions | None = None,
+    options: ReadOptions | None = None,
     transform: Transform | None = None,
     map_topic: str | None = None,
-    classes: Sequence[str] = PERSON_CLASSES,
 ) -> Scene:
     """Read a scene folder, a file of tracks, a recording or a ROS bag.
 
     Args:
         path: what a file begins with determines the format, the name that of bags.
         topic: of a bag's people; a recording of this project is read as a bag if one is given.
-        options: what a file of tracks does not say itself; takes the names of tracks.
+        options: what a file of tracks does not say itself.
         transform: of the people's frame, where it is not the map's.
         map_topic: of a bag's map, see `read_bag`; "" leaves out the geometry inside other files, too.
-        classes: of people among a bag's detections, see `read_bag`.
 
     Raises:
         StorageError, SourceError: the file is missing, damaged or of another format.
         ValueRuleError: an option has no meaning for the format.
     """
-    options, kind = options or TableOptions(), _kind_of(path)
+    return _open(path, topic, options or ReadOptions(), transform, map_topic).scene
+
+
+def _open(
+    path: Path, topic: str | None, options: ReadOptions, transform: Transform | None, map_topic: str | None
+) -> Recording:
+    """Read a scene folder, a file of tracks, a recording or a ROS bag; see `read_any`."""
+    kind = _kind_of(path, options.one_person_per_file)
     if kind in ("tracks", "folder"):
         for name, value in {"--topic": topic, "--map-topic": map_topic}.items():
             if value:
                 raise ValueRuleError(name, value, f"{path} is no bag: it has no topics")
     if kind == "tracks":
-        scene = read_file(path, options, with_walls=map_topic != "")
-    elif surplus := [name for name, field in _FOR_FILES.items() if getattr(options, field, None) is not None]:
-        value = getattr(options, _FOR_FILES[surplus[0]])
-        raise ValueRuleError(
-            surplus[0], value, f"{path} says times and lengths itself; it is for tables and texts"
-        )
-    elif kind == "bag" or (kind == "recording" and (topic is not None or map_topic is not None)):
-        return read_bag(path, topic, transform, map_topic, classes, options.names.of_number)
-    else:
-        _check_folder(path)
-        if options.classes:
-            raise ValueRuleError("--class", options.classes, f"{path} is a scene: all in it are people")
-        scene = read_own(path, options) if kind == "folder" else read_recording(path, transform)
-        check_speeds(path, scene.trajectories, sure=True, fixed="m")
-        transform = transform if kind == "folder" else None
+        return _moved(read_recording(path, options, with_walls=map_topic != ""), transform)
+    for field, option in _OPTIONS.items():
+        if (value := getattr(options, field)) != getattr(ReadOptions(), field):
+            raise ValueRuleError(option, value, f"{path} says it itself; it is for files of tracks")
+    names = TrackNames()
+    if kind == "bag" or (kind == "recording" and (topic is not None or map_topic is not None)):
+        classes = options.classes or PERSON_CLASSES
+        scene = read_bag(path, topic, transform, map_topic, classes, names.of_number)
+        return Recording(scene, names, "ROS bag")
+    _check_folder(path)
+    if options.classes:
+        raise ValueRuleError("--class", options.classes, f"{path} is a scene: all in it are people")
+    scene = read_own(path, names) if kind == "folder" else read_mcap(path, transform)
+    check_speeds(str(path), scene.trajectories, any_speed=True)
+    if kind == "recording":
+        return Recording(scene, names, "recording of pedpred")
+    return _moved(Recording(scene, names, "scene folder"), transform)
+
+
+def _moved(recording: Recording, transform: Transform | None) -> Recording:
+    """The people in the frame of the map; free ground moves with them."""
     if transform is None:
-        return scene
+        return recording
+    scene = recording.scene
     people = transform.moved(scene.trajectories)
-    is_free = not scene.occupancy.occupied.any() and kind == "tracks"
-    return replace(
-        scene,
-        trajectories=people,
-        occupancy=OccupancyMap.free_around(people.position) if is_free else scene.occupancy,
-    )
+    is_free = not scene.occupancy.occupied.any() and recording.format != "scene folder"
+    ground = OccupancyMap.free_around(people.position) if is_free else scene.occupancy
+    return replace(recording, scene=replace(scene, trajectories=people, occupancy=ground))

@@ -32,10 +32,11 @@ from pedpred.literature.stretches import TOLERANCE_S
 from pedpred.metrics import METRICS
 from pedpred.metrics.paths import SAME_INSTANT_S
 from pedpred.online.assessment import ALWAYS, assess
+from pedpred.reading.checks import check_interval
+from pedpred.reading.errors import add_path
+from pedpred.reading.names import TrackNames
 from pedpred.ros import Transform
 from pedpred.scenes import Placement, Scene, Trajectories, placement
-from pedpred.sources.times import check_clock
-from pedpred.tables.names import TrackNames
 from pedpred.tracking import KalmanSettings, tune_kalman
 
 _log = logging.getLogger(__name__)
@@ -66,7 +67,8 @@ def evaluate(arguments: argparse.Namespace) -> None:
         one.scene = path
         names = TrackNames()
         scene = read_given(one, names)
-        check_clock(path, scene.detection_dt_s)
+        with add_path(path):
+            check_interval(scene.detection_dt_s)
         place = placement(scene.trajectories.position, scene.occupancy)
         theirs = {name: forecasts.of_tracks(names) for name, forecasts in foreign.items()}
         each.append((scene.name, path, _assessed(scene, arguments, tracker, settings, theirs), place))

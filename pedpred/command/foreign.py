@@ -15,10 +15,10 @@ from pedpred.command.forecast_tables import read_forecast_table
 from pedpred.command.trajnet import trajnet_columns
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.forecasting import ForecastRequest
+from pedpred.reading.checks import FASTEST_MPS
+from pedpred.reading.names import TrackNames
 from pedpred.ros import Transform
 from pedpred.scenes import Predictions
-from pedpred.tables.names import TrackNames
-from pedpred.tables.placeholders import FASTEST_MPS
 
 _SAME_S = 0.005
 _SAME = "Ids and times must be those of the recording"
@@ -221,7 +221,7 @@ def read_forecasts(path: Path, step_s: float | None) -> ForeignForecasts:
     if path.suffix == _TRAJNET:
         columns, step_s = trajnet_columns(path)
     else:
-        columns = read_forecast_table(path, names)
+        columns, names = read_forecast_table(path)
     if not len(columns["line"]):
         raise SourceError(path, None, "no forecasts")
     keys = ("track_id", "time", "mode", "step")

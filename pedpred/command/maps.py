@@ -10,8 +10,8 @@ from typing import Any
 from pedpred.command.turned_maps import read_turned_map, yaw_of
 from pedpred.errors import StorageError, brief
 from pedpred.files import check_input, read_yaml
+from pedpred.reading.geometry import GEOMETRIES, is_geometry, read_ground, read_walls
 from pedpred.scenes import OccupancyMap
-from pedpred.sources.geometries import GEOMETRIES, is_geometry, read_ground, read_walls
 from pedpred.storage.maps import picture_of, read_map_file
 
 _YAML = (".yaml", ".yml")

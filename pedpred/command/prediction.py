@@ -15,10 +15,10 @@ from pedpred.files import read_yaml, translate_errors
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import as_windows, replay_with_progress
 from pedpred.online.settings import MOST_PEOPLE
+from pedpred.reading.names import TrackNames
 from pedpred.ros import check_recordable, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.scenes import Scene
-from pedpred.tables.names import TrackNames
 from pedpred.tracking import KalmanSettings
 
 _log = logging.getLogger(__name__)

@@ -10,6 +10,7 @@ from typing import Any
 
 from pedpred.errors import SourceError, ValueRuleError, brief
 from pedpred.files import check_input, translate_errors
+from pedpred.reading.checks import check_speeds
 from pedpred.ros.bag_content import Ground, Messages
 from pedpred.ros.bag_reader import BagReader
 from pedpred.ros.decoding import CDR, ROS1, Connection
@@ -18,13 +19,12 @@ from pedpred.ros.frame_tree import FrameTree, frame_name
 from pedpred.ros.frames import Transform
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
 from pedpred.ros.people import ADAPTERS, LABELLED
-from pedpred.ros.places import check_lengths, check_several
+from pedpred.ros.places import check_lengths, check_several, warn_of_repeats
 from pedpred.ros.planning import NO_MAP
 from pedpred.ros.scene_messages import map_of_grid
 from pedpred.ros.storages import opened
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from pedpred.sources.plausibility import check_speeds
-from pedpred.tables.classes import PERSON_CLASSES
+from pedpred.scenes.people import PERSON_CLASSES
 
 _log = logging.getLogger(__name__)
 _GRID = TYPES[MAP]
@@ -143,8 +143,9 @@ def _checked_interval_s(path: Path, people: Trajectories) -> float:
         rule = "a track must be seen every few seconds: stamps count seconds and nanoseconds"
         raise ValueRuleError("stamp", f"usually {dt_s:g} s between two detections", rule)
     check_several(people)
-    check_lengths(path, people)
-    check_speeds(path, people, sure=True, fixed="m")
+    check_lengths(people)
+    check_speeds(str(path), people, any_speed=True)
+    warn_of_repeats(path, people)
     return dt_s
 
 

@@ -27,9 +27,9 @@ from pedpred.ros.people import (
     find_usable,
     labels_of,
 )
+from pedpred.ros.placeholders import find_placeholders, left_out
 from pedpred.scenes import Trajectories, rule_of
-from pedpred.tables.classes import PERSON_CLASSES, is_person
-from pedpred.tables.placeholders import find_placeholders, left_out
+from pedpred.scenes.people import PERSON_CLASSES, is_person
 
 _CARRIED = re.compile(r"base_|_link|laser|lidar|velodyne|ouster|livox|camera|optical|scan|realsense|zed")
 """In names of frames that robots carry, mostly."""

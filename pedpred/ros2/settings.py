@@ -12,7 +12,7 @@ from pedpred.fields import check_choice, check_ranges
 from pedpred.online import OnlineSettings
 from pedpred.ros.frame_tree import frame_name
 from pedpred.ros.people import ADAPTERS
-from pedpred.tables.classes import PERSON_CLASSES
+from pedpred.scenes.people import PERSON_CLASSES
 
 _CHOICES: dict[str, Sequence[str]] = {
     "people_type": sorted(ADAPTERS),

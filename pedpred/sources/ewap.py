@@ -23,10 +23,11 @@ import numpy as np
 
 from pedpred.errors import SourceError, ValueRuleError
 from pedpred.fields import check_ranges, parsed
-from pedpred.files import read_picture, translate_errors
+from pedpred.files import check_input, read_picture, translate_errors
 from pedpred.geometry import Homography
+from pedpred.reading.errors import ContentError, add_path
+from pedpred.reading.text import BLANKS, TextForm, finite_numbers, read_columns, read_lines, whole_numbers
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
-from pedpred.tables.text import check_unique, numbers, read_numbers, text_rows
 
 COLUMNS = ("frame", "id", "pos_x", "pos_z", "pos_y", "v_x", "v_z", "v_y")
 ALONE = -1
@@ -122,33 +123,59 @@ def read_annotations(path: Path, titles: Sequence[str], axes: tuple[str, str]) -
     Raises:
         SourceError: the file is missing, empty or wrong, or somebody is in a frame twice; it names the line.
     """
-    columns = read_numbers(path, text_rows(path), titles, {name: name for name in titles})
-    if not len(columns["line"]):
-        raise SourceError(path, None, "no annotations, the file is empty")
-    check_unique(path, columns, "frame", "id")
+    check_input(path, None, SourceError)
+    with add_path(path):
+        table = read_columns(path, TextForm(titles, BLANKS), {name: name for name in titles}, ())
+        if not table.num_rows:
+            raise ContentError("no annotations, the file is empty")
+        columns = {name: finite_numbers(table[name], name) for name in titles}
+        frame, track_id = (whole_numbers(columns[name], name, 0) for name in ("frame", "id"))
+        _check_unique(frame, track_id)
     position = np.stack([columns[axis] for axis in axes], axis=-1)
-    return Annotations(columns["frame"], columns["id"], position, columns["line"])
+    return Annotations(frame, track_id, position, np.arange(1, len(frame) + 1))
+
+
+def _check_unique(frame: np.ndarray, track_id: np.ndarray) -> None:
+    """Check that nobody is in a frame twice.
+
+    Raises:
+        ContentError: somebody is; it names both lines.
+    """
+    order = np.lexsort((track_id, frame))  # stable: of equal rows the earlier line comes first
+    again = np.flatnonzero((np.diff(frame[order]) == 0) & (np.diff(track_id[order]) == 0))
+    if len(again):
+        row = again[np.argmin(order[again + 1])]
+        here, earlier = order[row + 1], order[row]
+        problem = f"frame {frame[here]} and id {track_id[here]} again, first in line {earlier + 1}"
+        raise ContentError(problem, line=int(here) + 1)
 
 
 def _read_homography(path: Path) -> Homography:
-    rows = [numbers(path, line, fields, ("h_1", "h_2", "h_3")) for line, fields in text_rows(path)]
-    if len(rows) != 3:
-        raise SourceError(path, None, f"{len(rows)} rows, expected a 3 x 3 matrix")
-    with translate_errors(partial(SourceError, path, None)):
-        return Homography(np.array(rows), first_pixel=_FIRST_PIXEL)
+    check_input(path, None, SourceError)
+    with add_path(path):
+        names = ("h_1", "h_2", "h_3")
+        table = read_columns(path, TextForm(names, BLANKS), {name: name for name in names}, ())
+        if table.num_rows != 3:
+            raise ContentError(f"{table.num_rows} rows, expected a 3 x 3 matrix")
+        rows = np.stack([finite_numbers(table[name], name) for name in names], axis=-1)
+        return Homography(rows, first_pixel=_FIRST_PIXEL)
 
 
 def _read_groups(path: Path, known: set[int]) -> dict[int, int]:
     """Return the group number of each pedestrian who is in a group."""
+    check_input(path, None, SourceError)
     groups = []
-    for line, fields in text_rows(path):
-        try:
-            group = {int(field) for field in fields}
-        except ValueError as cause:
-            raise SourceError(path, line, f"{cause}, expected pedestrian ids") from cause
-        if strangers := group - known:
-            raise SourceError(path, line, f"id {min(strangers)} has no row in obsmat.txt")
-        groups.append(group)
+    with add_path(path):
+        for line, text in enumerate(read_lines(path), start=1):
+            try:
+                group = {int(field) for field in text.split()}
+            except ValueError as cause:
+                raise ContentError(f"{cause}, expected pedestrian ids", line=line) from cause
+            if not group:
+                continue
+            if strangers := group - known:
+                raise ContentError(f"id {min(strangers)} has no row in obsmat.txt", line=line)
+            groups.append(group)
     together = [group for group in merged(groups) if len(group) > 1]
     return {track: number for number, group in enumerate(together) for track in group}
 

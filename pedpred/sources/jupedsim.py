@@ -4,35 +4,30 @@
     # id frame x/m y/m z/m
     1 53 3.7253 -0.837 1.73
 
-Lines that begin with `#` are comments. Lengths are metres unless a comment names another unit, as in `x/cm`,
-`x [mm]` or `in centimetres`. Columns after the fourth are not used. `pedpred.sources.geometry_xml` reads the
-geometry that comes with the text.
+Lines above the rows that begin with `#` are comments. Lengths are metres unless a comment names another
+unit, as in `x/cm`, `x [mm]` or `in cm`. Columns after the fourth are not used.
+`pedpred.reading.geometry.xml` reads the geometry that comes with the text.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from pedpred.errors import SourceError
 from pedpred.fields import check_ranges, finite, parsed
-from pedpred.files import translate_errors
+from pedpred.files import check_input, translate_errors
+from pedpred.reading import table
+from pedpred.reading.errors import add_path
+from pedpred.reading.geometry import occupancy_of, read_walls
+from pedpred.reading.options import FASTEST_HZ, SLOWEST_HZ, ReadOptions
+from pedpred.reading.tracks import to_tracks
 from pedpred.scenes import Scene, Trajectories
-from pedpred.sources.frames import tracks_in_frames
-from pedpred.sources.geometry_xml import read_xml
-from pedpred.sources.walls import occupancy_of
-from pedpred.tables.comments import MOST_COMMENTS, NO_RATE, frame_rate_hz, unit_of_lengths
-from pedpred.tables.options import FASTEST_HZ, SLOWEST_HZ, TableOptions
-from pedpred.tables.text import Row, read_numbers, text_rows
-from pedpred.tables.titles import LENGTHS
-from pedpred.tables.units import PIXELS, UNITS
 
 COLUMNS = ("id", "frame", "x", "y")
-_NAMES = ("track_id", "frame", "x_m", "y_m")
 
 
 @dataclass(frozen=True)
@@ -78,11 +73,11 @@ def read_laboratory(folder: Path, name: str, settings: Mapping[str, Any]) -> Sce
     """
     how: LaboratorySettings = parsed(LaboratorySettings, settings)
     path = folder / f"{how.recording}.txt"
-    walls = read_xml(path.with_suffix(".xml"))
+    walls = read_walls(path.with_suffix(".xml"))
     with translate_errors(partial(SourceError, path.with_suffix(".xml"), None)):
         occupancy = occupancy_of(walls, how.resolution_m, how.thickness_m, how.open_ends, how.open_end_m)
     trajectories = read_tracks(path, how.frame_rate_hz)
-    with translate_errors(partial(SourceError, path, None)):
+    with add_path(path):
         return Scene(name, trajectories, occupancy, trajectories.usual_interval_s())
 
 
@@ -96,31 +91,7 @@ def read_tracks(path: Path, rate_hz: float | None = None) -> Trajectories:
     Raises:
         SourceError: the file is missing or wrong; it names line and value.
     """
-    comments: list[str] = []
-    rows = _without_comments(text_rows(path), comments)
-    line, first = next(rows, (None, []))
-    if line is None:
-        raise SourceError(path, None, "no detections, the file is empty")
-    if len(first) < len(COLUMNS):
-        expected = f"expected {' '.join(COLUMNS)} and perhaps z"
-        raise SourceError(path, line, f"{len(first)} columns, {expected}")
-    titles = (*COLUMNS, "z", *(f"column_{n}" for n in range(6, len(first) + 1)))[: len(first)]
-    wanted = dict(zip(COLUMNS, _NAMES, strict=True))
-    columns = read_numbers(path, chain([(line, first)], rows), titles, wanted)
-    unit = unit_of_lengths(path, comments, TableOptions()) or "m"
-    if unit == PIXELS:
-        raise SourceError(path, None, "lengths are said to be pixels", "Write them in metres")
-    columns |= {name: UNITS[unit] * columns[name] for name in LENGTHS}
-    rate_hz = frame_rate_hz(path, comments, rate_hz)
-    if rate_hz is None:
-        raise SourceError(path, None, *NO_RATE)
-    return tracks_in_frames(path, columns, rate_hz)
-
-
-def _without_comments(rows: Iterable[Row], comments: list[str]) -> Iterator[Row]:
-    """Yield the rows, and collect what the comments say."""
-    for line, fields in rows:
-        if not fields[0].startswith("#"):
-            yield line, fields
-        elif len(comments) < MOST_COMMENTS:
-            comments.append(" ".join(fields))
+    options = ReadOptions(columns=COLUMNS, rate_hz=rate_hz)
+    check_input(path, None, SourceError)
+    with add_path(path):
+        return to_tracks(str(path), table.read(path, options), options).people

@@ -10,11 +10,15 @@ from typing import Any
 
 from pedpred.errors import StorageError, ValueRuleError
 from pedpred.fields import parsed
+from pedpred.reading import table
+from pedpred.reading.checks import check_interval
+from pedpred.reading.errors import add_path
+from pedpred.reading.names import TrackNames
+from pedpred.reading.options import ReadOptions
+from pedpred.reading.tracks import to_tracks
 from pedpred.scenes import Scene
-from pedpred.sources.times import check_clock
 from pedpred.storage.scenes import read_scene
-from pedpred.tables.options import TableOptions
-from pedpred.tables.reading import read_table
+from pedpred.storage.tracks import TRACK_COLUMNS
 
 
 @dataclass(frozen=True)
@@ -22,24 +26,28 @@ class FolderSettings:
     """A scene folder says everything itself."""
 
 
-def read_own(folder: Path, options: TableOptions | None = None) -> Scene:
+def read_own(folder: Path, names: TrackNames | None = None) -> Scene:
     """Read a scene folder whose tracks are in `tracks.parquet` or in `tracks.csv`.
 
     Args:
         folder: the folder.
-        options: takes the names of tracks.
+        names: takes those of tracks whose ids are words.
 
     Raises:
         StorageError: a file is missing or cannot be understood, or both tables are there; it names the file.
         SourceError: the table cannot be understood.
     """
-    stored, table = folder / "tracks.parquet", folder / "tracks.csv"
-    if not table.exists():
+    stored, path = folder / "tracks.parquet", folder / "tracks.csv"
+    if not path.exists():
         return read_scene(folder)
     if stored.exists():
         problem = f"{stored.name} is here too, and only one can be right"
-        raise StorageError(table, "file", problem, "Remove one of them")
-    return read_scene(folder, read_table(table, options))
+        raise StorageError(path, "file", problem, "Remove one of them")
+    with add_path(path):
+        tracks = to_tracks(str(path), table.read(path, ReadOptions(), TRACK_COLUMNS), ReadOptions())
+    if names is not None:
+        names.of_number.update(tracks.names.of_number)
+    return read_scene(folder, tracks.people)
 
 
 def read_folder(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
@@ -58,5 +66,7 @@ def read_folder(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
     parsed(FolderSettings, settings)
     scene = read_own(folder)
     with suppress(ValueRuleError):  # nobody was detected twice
-        check_clock(folder, scene.trajectories.usual_interval_s())
+        dt_s = scene.trajectories.usual_interval_s()
+        with add_path(folder):
+            check_interval(dt_s)
     return replace(scene, name=name)

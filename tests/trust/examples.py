@@ -27,12 +27,14 @@ from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.online.network import ExportedNetwork, read_description
 from pedpred.online.places import read_place, write_place
+from pedpred.reading import read_recording
+from pedpred.reading.geometry import read_ground, read_walls
+from pedpred.reading.options import ReadOptions
+from pedpred.reading.pixels import read_homography
 from pedpred.report import measures
 from pedpred.ros import write_recording
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
-from pedpred.sources.geometries import read_ground, read_walls
-from pedpred.sources.single_file import read_file
 from pedpred.storage.columns import split_pairs
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import read_manifest, read_shard, write_manifest, write_shard
@@ -43,8 +45,6 @@ from pedpred.storage.situations import (
     write_situations,
     write_situations_manifest,
 )
-from pedpred.tables.options import TableOptions
-from pedpred.tables.pictures import read_homography
 from tests.bags import PEOPLE, Filled, Store, moving_bag, repacked, write_mcap
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.field_formats import BINARY, PIXEL_M, RATE_HZ, ROWS, WRITERS
@@ -69,6 +69,10 @@ stages:
   crossed: {matrix: {kind: "${kinds}", place: [eth]}, cmd: "true", params: ["scenes.${item.place}"]}
 """
 PARAMS = "seed: 1\nscenes:\n  eth: {hz: 15.0, tracker: {kind: kalman}}\nrates: [0.1, 1.0e-3]\n"
+
+
+def scene_in(path: Path, options: ReadOptions | None = None) -> Scene:
+    return read_recording(path, options).scene
 
 
 def place() -> Scene:
@@ -139,18 +143,18 @@ def make_tables(folder: Path) -> None:
     for name, separator in {"walk.csv": ";", "walk.tsv": "\t", "walk.txt": " "}.items():
         lines = [("time", "id", "x", "y"), *rows]
         (folder / name).write_text("\n".join(separator.join(map(str, row)) for row in lines))
-    dated = [f"24/12/2026;10:00:0{t:.1f};{who};{x};{y}".replace(".", ",") for t, who, x, y in rows]
-    (folder / "dates.csv").write_text("\n".join(["Datum;Uhrzeit;Person;x;y", *dated]))
+    dated = [f"2026-12-24T10:00:{t:04.1f};{who};{x};{y}" for t, who, x, y in rows]
+    (folder / "dates.csv").write_text("\n".join(["time;id;x;y", *dated]))
 
 
 def read_tables(folder: Path) -> object:
-    return [read_file(folder / name) for name in TABLES]
+    return [scene_in(folder / name) for name in TABLES]
 
 
 FIELD_TEXTS = (
     *("fcd.xml", "annotations.txt", "00_tracks.csv", "00_tracksMeta.csv", "00_recordingMeta.csv"),
     *("Exp_1_run_1.tsv", "THOR-Magni_120522_SC1A_R1.csv", "postvis.traj", "hall_001.pp", "atc-20121031.csv"),
-    *("0013.txt", "walk.ndjson"),
+    *("0013.txt", "walk.ndjson", "zara.vsp"),
 )
 
 
@@ -168,24 +172,25 @@ def make_inclined(folder: Path) -> None:
 
 
 def read_inclined(folder: Path) -> object:
-    return read_file(folder / "annotations.txt", TableOptions(homography=read_homography(folder / "H.txt")))
+    return scene_in(folder / "annotations.txt", ReadOptions(homography=read_homography(folder / "H.txt")))
 
 
 def read_field_texts(folder: Path) -> object:
     names = [name for name in FIELD_TEXTS if "Meta" not in name]
-    options = {"annotations.txt": TableOptions(pixel_m=PIXEL_M), "0013.txt": TableOptions(rate_hz=RATE_HZ)}
-    return [read_file(folder / name, options.get(name)) for name in names]
+    options = {"annotations.txt": ReadOptions(pixel_m=PIXEL_M), "0013.txt": ReadOptions(rate_hz=RATE_HZ)}
+    options["zara.vsp"] = ReadOptions(pixel_m=PIXEL_M)
+    return [scene_in(folder / name, options.get(name)) for name in names]
 
 
 def make_columnar(folder: Path) -> None:
     """People as tables of pandas."""
-    table = pd.DataFrame(ROWS, columns=["time", "name", "x", "y"]).astype({"name": str})
+    table = pd.DataFrame(ROWS, columns=["time", "ped_id", "x", "y"]).astype({"ped_id": str})
     table.to_parquet(folder / "walk.parquet")
     table.to_feather(folder / "walk.feather")
 
 
 def read_columnar(folder: Path) -> object:
-    return [read_file(folder / name) for name in ("walk.parquet", "walk.feather")]
+    return [scene_in(folder / name) for name in ("walk.parquet", "walk.feather")]
 
 
 FORECASTS = ("theirs.csv", "theirs.ndjson", "theirs.parquet")

@@ -20,7 +20,6 @@ from pedpred.models.registry import load_network
 from pedpred.report import measures
 from pedpred.ros import read_bag, read_recording
 from pedpred.sources import SOURCES
-from pedpred.sources.single_file import read_file
 from pedpred.storage.scenes import read_map, read_scene
 from pedpred.storage.shards import read_embeddings, write_embeddings
 from tests import field_formats
@@ -80,9 +79,9 @@ READERS = {
     "scene_folder": Reader(examples.make_table, ("tracks.csv", "scene.json"), source("scene_folder", {})),
     "tables": Reader(examples.make_tables, examples.TABLES, examples.read_tables),
     "JuPedSim database": Reader(
-        field_formats.write_jupedsim, ("simulation.sqlite",), at("simulation.sqlite", read_file)
+        field_formats.write_jupedsim, ("simulation.sqlite",), at("simulation.sqlite", examples.scene_in)
     ),
-    "data archive": Reader(field_formats.write_archive, ("archive.h5",), at("archive.h5", read_file)),
+    "data archive": Reader(field_formats.write_archive, ("archive.h5",), at("archive.h5", examples.scene_in)),
     "field formats": Reader(examples.make_field_texts, examples.FIELD_TEXTS, examples.read_field_texts),
     "columnar tables": Reader(
         examples.make_columnar, ("walk.parquet", "walk.feather"), examples.read_columnar

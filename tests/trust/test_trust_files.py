@@ -13,8 +13,9 @@ from PIL import Image
 
 from pedpred.errors import StorageError
 from pedpred.files import MOST_PIXELS, atomic_write, write_text
+from pedpred.reading import FORMATS, format_of
+from pedpred.reading.options import ReadOptions
 from pedpred.sources import SOURCES
-from pedpred.sources.single_file import FORMATS, format_of
 from pedpred.storage.scenes import read_map, read_scene, write_scene
 from tests.conftest import ROOT
 from tests.field_formats import WRITERS
@@ -53,7 +54,7 @@ def test_every_format_of_single_files_is_tried(tmp_path):
     tried = {name for reader in READERS.values() for name in reader.files}
     written = [write(tmp_path) for write in WRITERS.values()]
     assert {path.name for path in written} <= tried
-    assert {kind.name for kind in FORMATS} == {format_of(path).name for path in written}
+    assert {reader.NAME for reader in FORMATS} == {format_of(path, ReadOptions()).NAME for path in written}
 
 
 def test_damage_is_reproducible_and_of_every_kind():

@@ -1,0 +1,201 @@
+"""Recordings in files of others: Head -> Reader -> Table -> Tracks -> checks.
+
+A format is a module with `NAME`, `recognises(head)` and `read(path, options)`; to add one, write it into
+`formats` and add it to `FORMATS`. Readers raise `ContentError` without the path, which is added here.
+"""
+
+from __future__ import annotations
+
+import gzip
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Protocol, cast
+
+import pyarrow as pa
+
+from pedpred.errors import SourceError
+from pedpred.files import check_input
+from pedpred.reading import table
+from pedpred.reading.checks import check_people
+from pedpred.reading.errors import ContentError, add_path
+from pedpred.reading.formats import (
+    atc,
+    data_archive,
+    drones,
+    jupedsim,
+    kitti,
+    motion_capture,
+    stanford,
+    sumo,
+    trajnet,
+    vadere,
+    viswalk,
+    vsp,
+)
+from pedpred.reading.geometry import CELL_M, WALL_M, Geometry, occupancy_of
+from pedpred.reading.head import GZIP, Head
+from pedpred.reading.names import TrackNames
+from pedpred.reading.options import ReadOptions
+from pedpred.reading.table import Table
+from pedpred.reading.text import numbers
+from pedpred.reading.tracks import agreed_unit, to_tracks
+from pedpred.scenes import OccupancyMap, Scene
+from pedpred.storage.tracks import MOST_NUMBERS
+
+_LARGEST_BYTES, _BLOCK_BYTES, _MOST_FILES = 2**31, 2**20, 100_000
+_log = logging.getLogger(__name__)
+
+
+class Reader(Protocol):
+    """A module that reads a format.
+
+    Attributes:
+        NAME: as people know it.
+    """
+
+    NAME: str
+
+    def recognises(self, head: Head) -> bool:
+        """Whether a file that begins like this has the format."""
+
+    def read(self, path: Path, options: ReadOptions) -> Table:
+        """Read a file; raises `ContentError`, without the path."""
+
+
+FORMATS = cast(
+    tuple[Reader, ...],
+    (
+        jupedsim,
+        data_archive,
+        sumo,
+        stanford,
+        drones,
+        motion_capture,
+        vadere,
+        viswalk,
+        kitti,
+        atc,
+        trajnet,
+        vsp,
+    ),
+)
+"""The first one that recognises a file is used; where none does, it is a table."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What was read from a file.
+
+    Attributes:
+        scene: named after the file, on free ground unless the file has a geometry.
+        names: of tracks whose ids are words.
+        format: its name.
+        walls: the geometry inside the file; None: it has none.
+    """
+
+    scene: Scene
+    names: TrackNames
+    format: str
+    walls: Geometry | None = None
+
+
+def format_of(path: Path, options: ReadOptions) -> Reader:
+    """Find the reader of a file; named columns are those of a table, whatever it looks like.
+
+    Raises:
+        SourceError: the file is missing, or of a kind that is not read; it is named.
+    """
+    check_input(path, None, SourceError)
+    with add_path(path):
+        head = Head.of(path)
+        recognised = next((reader for reader in FORMATS if reader.recognises(head)), None)
+        if recognised is not None and options.columns is not None and not head.lines:
+            raise ContentError(f"this is {recognised.NAME}, whose columns are known", "Leave --columns out")
+        if recognised is not None and options.columns is None:
+            return recognised
+        if not table.is_columnar(head.raw):
+            head.check_text()
+        return cast(Reader, table)
+
+
+def read_recording(path: Path, options: ReadOptions | None = None, with_walls: bool = True) -> Recording:
+    """Read the tracks in a file, or in a folder with a file for each person.
+
+    Args:
+        path: a file in one of `FORMATS`, or a table.
+        options: what it does not say itself.
+        with_walls: read the geometry inside it, too.
+
+    Raises:
+        SourceError: it cannot be understood, or its tracks cannot be those of people; it names the line.
+    """
+    options = options or ReadOptions()
+    if options.one_person_per_file:
+        form, content = "one person per file", _read_folder(path, options)
+    else:
+        reader = format_of(path, options)
+        with _unpacked(path) as plain, add_path(path):
+            form, content = reader.NAME, reader.read(plain, options)
+    with add_path(path):
+        tracks = to_tracks(str(path), content, options)
+        unit = agreed_unit(content.unit, options)
+        dt_s = check_people(str(path), tracks.people, unit, options.any_speed)
+        walls = content.walls() if content.walls is not None and with_walls else None
+        if isinstance(walls, Geometry):
+            ground = occupancy_of(walls, CELL_M, WALL_M)
+        else:
+            walls, ground = None, OccupancyMap.free_around(tracks.people.position)
+        return Recording(Scene(path.stem, tracks.people, ground, dt_s), tracks.names, form, walls)
+
+
+@contextmanager
+def _unpacked(path: Path) -> Iterator[Path]:
+    """The file, or a temporary one with the content of a file that is compressed with gzip."""
+    with path.open("rb") as file:
+        if file.read(len(GZIP)) != GZIP:
+            yield path
+            return
+    with TemporaryDirectory() as folder, add_path(path):
+        plain = Path(folder, path.stem)
+        size = 0
+        with gzip.open(path) as packed, plain.open("wb") as file:
+            while block := packed.read(_BLOCK_BYTES):
+                if (size := size + len(block)) > _LARGEST_BYTES:
+                    raise ContentError(f"it unpacks to more than {_LARGEST_BYTES} bytes", "Divide the file")
+                file.write(block)
+        yield plain
+
+
+def _read_folder(folder: Path, options: ReadOptions) -> Table:
+    """Read a folder with a file for each person, who is called like the file."""
+    check_input(folder, None, SourceError, folder=True)
+    files = sorted(file for file in folder.iterdir() if file.is_file() and not file.name.startswith("."))
+    if not 0 < len(files) <= _MOST_FILES:
+        raise SourceError(
+            folder, None, f"{len(files)} files, expected 1 to {_MOST_FILES}", "Name another folder"
+        )
+    parts, count = [], 0
+    for file in files:
+        reader = format_of(file, options)
+        with add_path(file):
+            content = reader.read(file, options)
+            if content.open_order:
+                raise ContentError("no header", "Name the columns in order: --columns frame,x,y")
+            columns = {name: content.rows[name] for name in content.rows.column_names if name != "id"}
+            columns |= {axis: pa.array(numbers(columns[axis], axis, content.before)) for axis in "xy"}
+            who = pa.DictionaryArray.from_arrays(
+                pa.array([0] * content.rows.num_rows, pa.int32()), [file.stem]
+            )
+            parts.append(
+                replace(content, rows=pa.table(columns | {"id": who.cast(pa.string())}), before=None)
+            )
+            if (count := count + content.rows.num_rows) * 4 > MOST_NUMBERS:
+                raise ContentError(
+                    f"more than {MOST_NUMBERS // 4} rows in the files up to this one", "Divide the folder"
+                )
+    with add_path(folder):
+        return replace(parts[0], rows=pa.concat_tables([part.rows for part in parts]))

@@ -1,0 +1,106 @@
+"""Whether tracks can be those of people: the same checks for files, bags, data frames and scene folders."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+
+from pedpred.errors import ValueRuleError
+from pedpred.reading.errors import ContentError
+from pedpred.reading.options import UNITS
+from pedpred.scenes import Trajectories
+
+FASTEST_MPS = 6.0
+"""Nobody walks faster."""
+_RUNNING_MPS, _SLOWEST_MPS, _JUMP_MPS = 3.0, 0.1, 12.0
+_LONGEST_S = 5.0
+"""Longest usual time between two detections of a pedestrian that can be seconds."""
+_TOO_LONG = {5e6: "nanoseconds", 5e3: "microseconds", _LONGEST_S: "milliseconds or frame numbers"}
+_LIKELY = ("ft", "cm", "mm")
+_SPAN_S = 0.4
+"""Speeds are measured over this time at least, so that noise and short steps do not count."""
+_BLOCK_ROWS = 2**16
+_log = logging.getLogger(__name__)
+
+
+def check_people(name: str, people: Trajectories, unit: str = "m", any_speed: bool = False) -> float:
+    """Check tracks, and return the usual time between two detections of one, s.
+
+    Args:
+        name: of the file, for messages.
+        people: what was read from it.
+        unit: of its lengths.
+        any_speed: people who are faster than people walk are only warned about.
+
+    Raises:
+        ContentError: nobody is detected twice, times are not seconds, or people are too fast.
+    """
+    if not len(people):
+        raise ContentError("no detections: no row says when somebody is where", "Name a file with tracks")
+    try:
+        dt_s = people.usual_interval_s()
+    except ValueRuleError as cause:
+        remedy = (
+            "A track needs several detections: is the right column used as id? Name it: --columns id=TITLE"
+        )
+        raise ContentError(str(cause), remedy) from cause
+    check_interval(dt_s)
+    check_speeds(name, people, unit, any_speed)
+    return dt_s
+
+
+def check_interval(dt_s: float) -> None:
+    """Check that the usual time between two detections of a track can be seconds.
+
+    Raises:
+        ContentError: it is too long; the message says what it looks like.
+    """
+    for least, unit in _TOO_LONG.items():
+        if dt_s >= least:
+            problem = f"a track is usually detected every {dt_s:g} s: this looks like {unit}"
+            remedy = "Call the column t_ms, t_us or t_ns, or frame, and give its rate: --rate (rate_hz)"
+            raise ContentError(problem, remedy)
+
+
+def check_speeds(name: str, people: Trajectories, unit: str = "m", any_speed: bool = False) -> None:
+    """Check that people move as fast as people do; arguments and errors as of `check_people`."""
+    speed_mps = speeds_mps(people)
+    if not len(speed_mps):
+        return
+    usual_mps, half_mps = (float(np.percentile(speed_mps, share)) for share in (99, 50))
+    speeds = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), {half_mps:.3g} m/s half of the time"
+    if usual_mps > FASTEST_MPS:
+        speeds = f"{speeds}, faster than people walk"
+    if usual_mps > FASTEST_MPS and not any_speed:
+        factor_of = {other: UNITS[other] / UNITS.get(unit, 1.0) for other in _LIKELY}
+        walking = [other for other, factor in factor_of.items() if usual_mps * factor <= _RUNNING_MPS]
+        lengths = f"--unit {walking[0]} if lengths are {walking[0]}, " if walking and unit == "m" else ""
+        remedy = f"Say {lengths}--rate if the frame rate is another one, or --any-speed to read it as it is"
+        raise ContentError(speeds, remedy)
+    if usual_mps > _RUNNING_MPS:
+        _log.warning("%s: %s", name, speeds)
+    elif usual_mps < _SLOWEST_MPS:
+        _log.warning("%s: nobody moves faster than %.2g m/s", name, usual_mps)
+    if usual_mps <= FASTEST_MPS and (jumps := int((speed_mps > _JUMP_MPS).sum())):
+        _log.warning("%s: people jump %d times, at up to %.3g m/s", name, jumps, speed_mps.max())
+
+
+def speeds_mps(people: Trajectories) -> np.ndarray:
+    """Speeds along all tracks, each over at least `_SPAN_S`, m/s."""
+    if not len(people):
+        return np.zeros(0)
+    order = np.argsort(people.track_id, kind="stable")  # rows are in order of time
+    starts = np.diff(people.track_id[order], prepend=people.track_id[order[0]]) != 0
+    clock = np.cumsum(starts) * (np.ptp(people.time_s) + 2 * _SPAN_S)
+    clock += people.time_s[order]  # rises over all tracks, one after the other
+    parts = []
+    for first in range(0, len(order), _BLOCK_ROWS):
+        now = slice(first, first + _BLOCK_ROWS)
+        later = np.minimum(np.searchsorted(clock, clock[now] + _SPAN_S - 1e-6), len(order) - 1)
+        row, then = order[now], order[later]
+        after_s = people.time_s[then] - people.time_s[row]
+        measured = (people.track_id[then] == people.track_id[row]) & (after_s >= _SPAN_S / 2)
+        way_m = np.linalg.norm(people.position[then] - people.position[row], axis=-1)
+        parts.append(way_m[measured] / after_s[measured])
+    return np.concatenate(parts)

@@ -1,0 +1,38 @@
+"""What is wrong with the content of a file; readers do not know its path, which `add_path` adds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+from pedpred.errors import PedpredError, SourceError
+from pedpred.files import translate_errors
+
+CORRECT = "Correct the file or fetch it again"
+NO_PEDESTRIAN = "Only pedestrians are read: name a recording with some"
+
+
+class ContentError(PedpredError):
+    """A file cannot be understood.
+
+    Attributes:
+        problem: what is wrong.
+        remedy: what to do.
+        line: of the file, from 1; None: it is not about a line.
+    """
+
+    def __init__(self, problem: str, remedy: str = CORRECT, line: int | None = None):
+        super().__init__(problem)
+        self.problem, self.remedy, self.line = problem, remedy, line
+
+
+@contextmanager
+def add_path(path: Path) -> Iterator[None]:
+    """Turn whatever is raised inside into a `SourceError` with the path, the line and the remedy."""
+    with translate_errors(partial(SourceError, path, None)):
+        try:
+            yield
+        except ContentError as cause:
+            raise SourceError(path, cause.line, cause.problem, cause.remedy) from cause

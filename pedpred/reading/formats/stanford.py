@@ -1,0 +1,44 @@
+"""Annotations of the Stanford Drone Dataset (Robicquet et al., ECCV 2016): boxes in pixels.
+
+    track xmin ymin xmax ymax frame lost occluded generated "Pedestrian"
+
+People are at the centres of their boxes. Boxes outside the picture (`lost`) are left out.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from pedpred.reading.head import Head
+from pedpred.reading.options import PIXELS, ReadOptions
+from pedpred.reading.table import Table
+from pedpred.reading.text import BLANKS, TextForm, numbers, read_columns
+
+NAME = "Stanford Drone Dataset"
+_TITLES = ("track", "xmin", "ymin", "xmax", "ymax", "frame", "lost", "occluded", "generated", "label")
+_ROW = re.compile(r'\d+( -?\d+(\.\d+)?){4} \d+ [01] [01] [01] ("\w+"|[A-Z]\w+)')
+_USUAL_HZ = 30.0
+
+
+def recognises(head: Head) -> bool:
+    """Whether one of the first lines is such a box, with blanks, tabs or commas between the numbers."""
+    return any(_ROW.fullmatch(" ".join(line.replace(",", " ").split())) for line in head.lines[:10])
+
+
+def read(path: Path, options: ReadOptions) -> Table:
+    """Read the boxes of all classes; the rate is 30 Hz unless `options` says another one."""
+    delimiter = "," if "," in Head.of(path).line else BLANKS
+    wanted = {title: title for title in _TITLES if title not in ("occluded", "generated")}
+    rows = read_columns(path, TextForm(_TITLES, delimiter), wanted, ("track", "label", "lost"))
+    x, y = (
+        numbers(rows[f"{axis}min"], f"{axis}min", 0) / 2 + numbers(rows[f"{axis}max"], f"{axis}max", 0) / 2
+        for axis in "xy"
+    )
+    columns = {"frame": rows["frame"], "id": rows["track"], "class": rows["label"]}
+    columns |= {"x": pa.chunked_array([x]), "y": pa.chunked_array([y])}
+    seen = pc.not_equal(rows["lost"].cast(pa.string()), "1")
+    return Table(pa.table(columns).filter(seen), PIXELS, options.rate_hz or _USUAL_HZ)

@@ -1,0 +1,96 @@
+"""What a recording does not say itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pedpred.errors import ValueRuleError
+from pedpred.fields import check_choice
+from pedpred.geometry import Homography
+
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "inch": 0.0254}
+"""Metres per unit of length."""
+PIXELS = "px"
+QUANTITIES = ("time", "frame", "id", "x", "y", "class")
+"""What columns may hold."""
+SLOWEST_HZ, FASTEST_HZ = 1e-3, 1e6
+_LARGEST_PIXEL_M = 10.0
+_SAME_RATE = 1e-5  # rates such as 29.97 and 30000/1001 are one
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """What a recording does not say itself; None or empty: the file says it, or nobody has to.
+
+    Attributes:
+        columns: quantity -> title, or the quantities in the order of the columns; other words are ignored.
+        rate_hz: frames per second.
+        unit: of lengths, a key of `UNITS`.
+        pixel_m: side of a pixel, m, where positions are pixels of a camera that looks straight down.
+        homography: pixels to the ground, m, in place of `pixel_m`.
+        classes: which classes are people; `("",)`: all.
+        delimiter: between the fields of a text, one character; a blank stands for any number of blanks.
+        decimal: the decimal mark of numbers in a text.
+        encoding: of a text, as Python calls it.
+        any_speed: read people who are faster than people walk, with a warning.
+        one_person_per_file: the path is a folder; the name of each file in it is the id of a person.
+    """
+
+    columns: Mapping[str, str] | tuple[str, ...] | None = None
+    rate_hz: float | None = None
+    unit: str | None = None
+    pixel_m: float | None = None
+    homography: Homography | None = None
+    classes: tuple[str, ...] = ()
+    delimiter: str | None = None
+    decimal: str = "."
+    encoding: str | None = None
+    any_speed: bool = False
+    one_person_per_file: bool = False
+
+    def __post_init__(self) -> None:
+        if self.columns is not None:
+            self._check_columns(self.columns)
+        if self.rate_hz is not None and not SLOWEST_HZ <= self.rate_hz <= FASTEST_HZ:
+            raise ValueRuleError("rate_hz", self.rate_hz, "it must be a number from 0.001 to 1000000 Hz")
+        if self.unit is not None:
+            check_choice("unit", self.unit, list(UNITS))
+        if self.pixel_m is not None and not 0.0 < self.pixel_m <= _LARGEST_PIXEL_M:
+            rule = f"it must be positive, at most {_LARGEST_PIXEL_M} m"
+            raise ValueRuleError("pixel_m", self.pixel_m, rule)
+        if sum(value is not None for value in (self.unit, self.pixel_m, self.homography)) > 1:
+            field = "unit" if self.unit is not None else "pixel_m"
+            rule = "unit, size of a pixel and homography exclude each other: give one"
+            raise ValueRuleError(field, getattr(self, field), rule)
+        if self.delimiter is not None and (len(self.delimiter) != 1 or self.delimiter in '"\r\n'):
+            raise ValueRuleError("delimiter", self.delimiter, "it must be one character, such as ;")
+        check_choice("decimal", self.decimal, [".", ","])
+        if self.decimal == "," == self.delimiter:
+            raise ValueRuleError("decimal", ",", "it cannot be the delimiter, too")
+
+    def _check_columns(self, columns: Mapping[str, str] | tuple[str, ...]) -> None:
+        names = list(columns)
+        needed = ["x", "y"] if self.one_person_per_file else ["id", "x", "y"]
+        if isinstance(columns, Mapping) and (unknown := [name for name in names if name not in QUANTITIES]):
+            raise ValueRuleError(
+                "columns", unknown[0], f"name some of {', '.join(QUANTITIES)}, as in id=TITLE"
+            )
+        if isinstance(columns, tuple):
+            missing = [name for name in needed if names.count(name) != 1]
+            if missing or sum(names.count(name) for name in ("time", "frame")) != 1:
+                rule = (
+                    "name all columns in order, each of id, x, y and time or frame once, such as frame,id,x,y"
+                )
+                raise ValueRuleError("columns", ",".join(names), rule)
+
+    @property
+    def lengths(self) -> str | None:
+        """The unit that the caller says, or `PIXELS`."""
+        return self.unit if self.pixel_m is None and self.homography is None else PIXELS
+
+
+def is_same_rate(one_hz: float, other_hz: float) -> bool:
+    """Whether two rates are one, written with more or fewer digits."""
+    return math.isclose(one_hz, other_hz, rel_tol=_SAME_RATE)

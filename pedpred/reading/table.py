@@ -1,0 +1,377 @@
+"""Tables of tracks: text with a header or named columns, Parquet, Feather, data frames of pandas.
+
+    time,id,x,y
+    0.0,1,3.2,-1.5
+
+Six quantities have known titles (`TITLES`); others are named by `--columns`.
+"""
+
+from __future__ import annotations
+
+import csv
+import logging
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from pedpred.reading.errors import ContentError
+from pedpred.reading.head import Head
+from pedpred.reading.options import PIXELS, QUANTITIES, UNITS, ReadOptions
+from pedpred.reading.text import BLANKS, TextForm, first_lines, read_columns
+from pedpred.storage.tracks import MOST_NUMBERS
+
+NAME = "table"
+TITLES = {
+    "time": ("time", "t", "timestamp", "time_stamp", "sim_time", "timestep_time", "seconds", "datetime"),
+    "frame": ("frame", "frame_id", "frame_number", "frame_no", "frame_index"),
+    "id": ("id", "track_id", "ped_id", "pedestrian_id", "person_id", "agent_id", "object_id", "track"),
+    "x": ("x", "pos_x", "x_pos", "position_x", "x_position", "person_x", "x_center", "center_x"),
+    "y": ("y", "pos_y", "y_pos", "position_y", "y_position", "person_y", "y_center", "center_y"),
+    "class": ("class", "type", "label", "category", "agent_type", "object_type", "agent_class", "class_name"),
+}
+"""Quantity -> titles that are known without `--columns`, the best one first."""
+_CLOCKS_S = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_LENGTHS = {name: name for name in (*UNITS, PIXELS)} | {"metres": "m", "meters": "m", "pixels": PIXELS}
+_IN_BRACKETS = re.compile(r"(.+?)\s*(?:[(\[]\s*(\w+)\s*[)\]]|/\s*(\w+))")
+_CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+_RATE = re.compile(r"(?:frame[ _-]?rate|fps)\W{0,3}(\d+(?:\.\d+)?)", re.IGNORECASE)
+_RATE_AFTER = re.compile(r"(\d+(?:\.\d+)?)\s*fps\b", re.IGNORECASE)
+_UNIT = re.compile(
+    r"\b[xy]\s*(?:/|\[|\()\s*(m|cm|mm|ft|inch|px)\b|\bin (m|cm|mm|ft|inch|px)\W*$", re.IGNORECASE
+)
+_COMMENTS, _MOST_COMMENTS = ("#", "%", "//"), 1000
+_TRANSPOSED_ROWS, _WIDE = (4, 5), 20
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Table:
+    """What stands in a file, before anything is converted.
+
+    Attributes:
+        rows: `time` or `frame`, `id`, `x`, `y` and perhaps `class`, as text or numbers; null: missing.
+        unit: of x and y, a key of `UNITS` or `PIXELS`; None: the file does not say it.
+        rate_hz: frames per second; None: the file does not say it.
+        walls: reads the geometry inside the file; None: it has none.
+        clock_s: what a time of 1 lasts, s.
+        before: lines before the first row, for errors; None: the file is no text.
+        open_order: `id` and `frame` may be exchanged, and how people move decides it.
+    """
+
+    rows: pa.Table
+    unit: str | None = None
+    rate_hz: float | None = None
+    walls: Callable[[], object] | None = None
+    clock_s: float = 1.0
+    before: int | None = None
+    open_order: bool = False
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Which columns of a table hold what.
+
+    Attributes:
+        titles: quantity -> title.
+        unit: of lengths, as the titles say it; None: they do not.
+        clock_s: what a time of 1 lasts, s.
+    """
+
+    titles: Mapping[str, str]
+    unit: str | None
+    clock_s: float
+
+
+def find_columns(titles: Sequence[str], options: ReadOptions) -> Columns:
+    """Find the columns of the six quantities by their titles, or by the caller's.
+
+    Raises:
+        ContentError: one is missing, or two columns have its title.
+    """
+    named = options.columns if isinstance(options.columns, Mapping) else {}
+    plain = {title: _plain(title) for title in titles}
+    found: dict[str, str] = {}
+    for quantity in QUANTITIES:
+        if quantity in named:
+            if titles.count(named[quantity]) != 1:
+                count = f"{titles.count(named[quantity])} columns {named[quantity]!r}"
+                remedy = f"Name one of them: --columns {quantity}=TITLE"
+                raise ContentError(f"{count}; there are {_listed(titles)}", remedy)
+            found[quantity] = named[quantity]
+            continue
+        for known in TITLES[quantity]:
+            if matches := [
+                title for title in titles if plain[title][0] == known and title not in named.values()
+            ]:
+                found[quantity] = matches[0]
+                break
+    if "time" in found and "frame" in found:
+        del found["time" if "frame" in named and "time" not in named else "frame"]
+    clock = "frame" if "frame" in found else "time"
+    needed = (clock, "x", "y") if options.one_person_per_file else (clock, "id", "x", "y")
+    if missing := [quantity for quantity in needed if quantity not in found]:
+        what = ", ".join(missing).replace("time", "time or frame")
+        problem = f"no column for {what}; there are {_listed(titles)}"
+        named_all = ",".join(f"{quantity}=TITLE" for quantity in missing)
+        raise ContentError(problem, f"Name what is missing: --columns {named_all}")
+    if repeated := [title for title in found.values() if titles.count(title) > 1]:
+        raise ContentError(
+            f"several columns {repeated[0]!r}", "Name all columns in order: --columns time,id,x,y"
+        )
+    units = {_LENGTHS[unit] for axis in "xy" if (unit := plain[found[axis]][1]) in _LENGTHS}
+    if len(units) > 1:
+        raise ContentError(f"x and y have the units {' and '.join(sorted(units))}", "Correct the titles")
+    unit = plain[found[clock]][1]
+    return Columns(
+        found, units.pop() if units else None, _CLOCKS_S.get(unit, 1.0) if clock == "time" else 1.0
+    )
+
+
+def _plain(title: str) -> tuple[str, str]:
+    """A title in small letters with `_` between its words, and the unit at its end, if it is one."""
+    match = _IN_BRACKETS.fullmatch(title.strip())
+    name, unit = (match[1], (match[2] or match[3]).lower()) if match else (title.strip(), "")
+    name = re.sub(r"[\s.:_-]+", "_", _CAMEL.sub("_", name)).lower().strip("_")
+    first, _, last = name.rpartition("_")
+    if not unit and first and last in {*_CLOCKS_S, *_LENGTHS}:
+        return first, last
+    return name, unit
+
+
+def _listed(titles: Sequence[str]) -> str:
+    return ", ".join(map(str, titles))[:200] or "none"
+
+
+def read(path: Path, options: ReadOptions, also: Sequence[str] = ()) -> Table:
+    """Read a text, Parquet or Feather.
+
+    Args:
+        path: the file.
+        options: what it does not say.
+        also: titles of further columns of numbers, which are read where they are there.
+
+    Raises:
+        ContentError: columns are missing, or a line has another number of columns.
+    """
+    raw = Head.of(path).raw
+    if is_columnar(raw):
+        return _read_columnar(path, options)
+    form, comments, has_header = text_form(path, options)
+    if isinstance(options.columns, tuple):
+        titles = _by_position(options.columns, len(form.titles))
+        columns = Columns({name: name for name in QUANTITIES if name in titles}, None, 1.0)
+        form = replace(form, titles=titles)
+    elif has_header:
+        columns = find_columns(form.titles, options)
+    else:
+        return _read_untitled(path, form, comments, options)
+    _log.info("%s: %s", path, ", ".join(f"{name}: {title}" for name, title in columns.titles.items()))
+    unit, rate_hz = said_in(comments)
+    wanted = {**columns.titles, **{title: title for title in also if title in form.titles}}
+    words = ["id", "class", *(title for title in also if title.endswith("_id"))]
+    rows = read_columns(path, form, wanted, words)
+    return Table(
+        rows,
+        columns.unit or unit,
+        rate_hz if "frame" in columns.titles else None,
+        clock_s=columns.clock_s,
+        before=form.skipped,
+    )
+
+
+def _read_untitled(path: Path, form: TextForm, comments: Sequence[str], options: ReadOptions) -> Table:
+    """Read `id frame x y` or `frame id x y`; which of them it is, is decided later."""
+    width = len(form.titles)
+    if options.columns is not None:
+        raise ContentError(
+            "no header, so that no column has a title", "Name all in order: --columns frame,id,x,y"
+        )
+    if width > _WIDE and len(first_lines(path, _TRANSPOSED_ROWS[1] + 1, form.encoding)) in _TRANSPOSED_ROWS:
+        problem = f"a transposed table: few rows with {width} columns each, a column per detection"
+        remedy = (
+            "Transpose it: pandas.read_csv(FILE, header=None).T.to_csv('rows.csv', header=False, index=False)"
+        )
+        raise ContentError(problem, f"{remedy}; then name the columns, such as --columns frame,id,y,x")
+    if width < 4:
+        problem = f"no header, and {width} columns, expected id frame x y"
+        raise ContentError(
+            problem, "Separate values by blanks, tabs, commas or semicolons, or say --delimiter"
+        )
+    unit, rate_hz = said_in(comments)
+    titles = ("id", "frame", "x", "y", *(f"column {k}" for k in range(5, width + 1)))
+    form = replace(form, titles=titles)
+    rows = read_columns(path, form, {title: title for title in titles[:4]}, ("id", "frame"))
+    return Table(rows, unit, rate_hz, before=form.skipped, open_order=True)
+
+
+def text_form(path: Path, options: ReadOptions) -> tuple[TextForm, list[str], bool]:
+    """Find out how a text is divided.
+
+    Returns:
+        Its form, the comments above the rows, and whether the titles are those of a header.
+
+    Raises:
+        ContentError: the file is empty.
+    """
+    lines = first_lines(path, _MOST_COMMENTS, options.encoding)
+    blank = (number for number, line in enumerate(lines) if line.strip() and not line.startswith(_COMMENTS))
+    first = next(blank, None)
+    if first is None:
+        raise ContentError("no detections, the file is empty", "Name a file with tracks")
+    comments = [line for line in lines[:first] if line.strip()]
+    delimiter = options.delimiter or _delimiter(lines[first])
+    fields = _fields(lines[first], delimiter)
+    form = TextForm(fields, delimiter, first, options.encoding, options.decimal)
+    if not any(map(_is_number, fields)):
+        return replace(form, skipped=first + 1), comments, True
+    if isinstance(options.columns, tuple):
+        return form, comments, False
+    titles = _fields(comments[-1].lstrip("#%/ \t"), delimiter) if comments else []
+    has_header = len(titles) == len(fields) and _are_known(titles, options)
+    return (replace(form, titles=titles) if has_header else form), comments, has_header
+
+
+def _are_known(titles: Sequence[str], options: ReadOptions) -> bool:
+    try:
+        find_columns(titles, options)
+    except ContentError:
+        return False
+    return True
+
+
+def _delimiter(line: str) -> str:
+    """The delimiter of a line; blanks where the fields between blanks or tabs are all numbers."""
+    found = next((sign for sign in ";,|" if sign in line), None)
+    if found is None and "\t" in line and not all(map(_is_number, line.split())):
+        return "\t"
+    return found or BLANKS
+
+
+def _fields(line: str, delimiter: str) -> list[str]:
+    if delimiter == BLANKS:
+        return line.split()
+    return [field.strip() for field in next(csv.reader([line], delimiter=delimiter))]
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field.replace(",", "."))
+    except ValueError:
+        return False
+    return field.lower() not in ("nan", "inf", "infinity")
+
+
+def _by_position(columns: Sequence[str], width: int) -> list[str]:
+    """The given titles; others that repeat are told apart, and missing ones at the end are added."""
+    if len(columns) > width:
+        problem = f"{width} columns, but --columns names {len(columns)}"
+        raise ContentError(problem, "Name all columns in order, or say --delimiter")
+    names = [*columns, *([""] * (width - len(columns)))]
+    return [name if name in QUANTITIES else f"column {at}" for at, name in enumerate(names, start=1)]
+
+
+def said_in(comments: Sequence[str]) -> tuple[str | None, float | None]:
+    """The unit of lengths and the frame rate in comments, as PeTrack, JuPedSim and PedPy write them.
+
+    Raises:
+        ContentError: they say several.
+    """
+    rates = {
+        float(match[1]) for text in comments for match in (*_RATE.finditer(text), *_RATE_AFTER.finditer(text))
+    }
+    units = {(match[1] or match[2]).lower() for text in comments for match in _UNIT.finditer(text)}
+    for what, said in (("frame rates", rates), ("units of lengths", units)):
+        if len(said) > 1:
+            raise ContentError(
+                f"comments say the {what} {' and '.join(map(str, sorted(said)))}", "Correct them"
+            )
+    return (units.pop() if units else None), (rates.pop() if rates else None)
+
+
+def is_columnar(raw: bytes) -> bool:
+    """Whether a file that begins like this is Parquet or Feather."""
+    return raw.startswith((b"PAR1", b"ARROW1", b"FEA1"))
+
+
+def column_titles(path: Path) -> list[str]:
+    """The titles of a Parquet or Feather file."""
+    if Head.of(path).raw.startswith(b"PAR1"):
+        return [str(name) for name in pq.read_schema(path).names]
+    with pa.memory_map(str(path)) as file:
+        return [str(name) for name in pa.ipc.open_file(file).schema.names]
+
+
+def _read_columnar(path: Path, options: ReadOptions) -> Table:
+    columns = find_columns(column_titles(path), options)
+    return Table(read_columnar(path, columns.titles), columns.unit, clock_s=columns.clock_s)
+
+
+def read_columnar(path: Path, wanted: Mapping[str, str]) -> pa.Table:
+    """Read some columns of Parquet or Feather; others are not decoded.
+
+    Raises:
+        ContentError: there are too many rows, or the file is damaged.
+    """
+    most = MOST_NUMBERS // max(4, len(wanted))
+    used = list(dict.fromkeys(wanted.values()))
+    table = None
+    with suppress(MemoryError):  # of a size in a damaged file, which no machine has
+        if Head.of(path).raw.startswith(b"PAR1"):
+            with pq.ParquetFile(path, page_checksum_verification=True) as file:
+                _check_rows(file.metadata.num_rows, most)
+                table = file.read(used)
+        else:
+            table = _read_feather(path, used, most)
+    if table is None:
+        raise ContentError("it is damaged: it declares more values than fit into memory")
+    table.validate(full=True)
+    return pa.table({name: table[title] for name, title in wanted.items()})
+
+
+def _read_feather(path: Path, used: Sequence[str], most: int) -> pa.Table:
+    with pa.OSFile(str(path)) as source:
+        schema = pa.ipc.open_file(source).schema
+        chosen = pa.ipc.IpcReadOptions(included_fields=sorted(map(schema.get_field_index, used)))
+        file = pa.ipc.open_file(source, options=chosen)
+        batches: list[pa.RecordBatch] = []
+        for number in range(file.num_record_batches):
+            batches.append(file.get_batch(number))
+            _check_rows(sum(map(len, batches)), most)
+        return pa.Table.from_batches(batches, file.schema if not batches else None)
+
+
+def _check_rows(rows: int, most: int) -> None:
+    if rows > most:
+        raise ContentError(f"{rows} rows, at most {most}", "Divide the file")
+
+
+def from_frame(frame: pd.DataFrame, options: ReadOptions) -> tuple[Table, pd.Index]:
+    """Take the columns of a data frame; levels of its index that have names count as columns.
+
+    Returns:
+        The table, whose ids count the people, and what these are called.
+
+    Raises:
+        ContentError: a column is missing, or holds something else.
+    """
+    levels = [name for name in frame.index.names if name is not None and name not in frame]
+    frame = frame.reset_index(level=levels) if levels else frame
+    titles = list(map(str, frame.columns))
+    columns = find_columns(titles, options)
+    values = {name: frame.iloc[:, titles.index(title)] for name, title in columns.titles.items()}
+    number, people = pd.factorize(values["id"])
+    arrays: dict[str, pa.Array] = {"id": pa.array(number, mask=number < 0)}
+    for name, column in values.items():
+        if name != "id":
+            plain = column.astype(object).where(column.notna(), None) if column.dtype == object else column
+            if column.dtype == object:
+                plain = plain.map(lambda value: None if value is None else str(value))
+            arrays[name] = pa.array(plain, from_pandas=True)
+    table = pa.table({name: pa.chunked_array([array]) for name, array in arrays.items()})
+    return Table(table, columns.unit, clock_s=columns.clock_s), people

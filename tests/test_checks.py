@@ -1,0 +1,135 @@
+"""Whether tracks can be those of people: order of columns, clocks, speeds; real ones cause no warning."""
+
+import logging
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pedpred.errors import SourceError
+from pedpred.reading import read_recording
+from pedpred.reading.checks import check_speeds, speeds_mps
+from pedpred.reading.errors import ContentError
+from pedpred.reading.options import ReadOptions
+from pedpred.scenes import Trajectories
+from tests.conftest import ROOT
+
+
+def walkers(people, steps, seed, speed_mps=1.2, dt_s=0.4):
+    """(id, step, x, y) of people who walk on gently turning ways and come one after the other."""
+    rng = np.random.default_rng(seed)
+    headings = rng.uniform(0, 6.3, people) + np.cumsum(rng.normal(0, 0.1, (steps, people)), axis=0)
+    way = speed_mps * dt_s * np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+    places = rng.uniform(-10, 10, (people, 2)) + np.cumsum(way, axis=0)
+    return [(who, k + 3 * who, *places[k, who].round(3)) for who in range(people) for k in range(steps)]
+
+
+@given(st.integers(2, 12), st.integers(12, 40), st.integers(0, 99), st.booleans(), st.booleans())
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_the_order_of_id_and_frame_is_found_in_any_order_of_lines(
+    tmp_path, people, steps, seed, first, mixed
+):
+    rows = [(who, 10 * k, x, y) for who, k, x, y in walkers(people, steps, seed)]
+    if mixed:
+        np.random.default_rng(seed).shuffle(rows)
+    swapped = [(row[0], row[1], *row[2:]) if first else (row[1], row[0], *row[2:]) for row in rows]
+    path = tmp_path / "walk.txt"
+    path.write_text("\n".join(" ".join(map(str, row)) for row in swapped))
+    found = read_recording(path, ReadOptions(rate_hz=25.0)).scene.trajectories
+    assert len(np.unique(found.track_id)) == people
+    assert found.time_s.max() == max(row[1] for row in rows) / 25.0
+
+
+@pytest.mark.parametrize("ids_first", [True, False])
+def test_times_and_words_without_a_header_say_which_column_they_are(tmp_path, ids_first):
+    rows = walkers(3, 20, 0)
+    for column, k_s in ((lambda who: who, 0.4), (lambda who: f"ped{who}", 1)):
+        texts = [(column(who), k * k_s, x, y) for who, k, x, y in rows]
+        texts = [row if ids_first else (row[1], row[0], *row[2:]) for row in texts]
+        (tmp_path / "walk.txt").write_text("\n".join(" ".join(map(str, row)) for row in texts))
+        found = read_recording(tmp_path / "walk.txt", ReadOptions(rate_hz=2.5 if k_s == 1 else None)).scene
+        np.testing.assert_allclose(found.trajectories.time_s.max(), 0.4 * max(k for _, k, *_ in rows))
+
+
+def test_where_the_order_stays_open_it_is_asked_for(tmp_path):
+    rows = [(who, k, 0.5 * k, 0.5 * who) for who in range(9) for k in range(9)]
+    (tmp_path / "walk.txt").write_text("\n".join(" ".join(map(str, row)) for row in rows))
+    with pytest.raises(SourceError, match="--columns id,frame,x,y, or --columns frame,id,x,y"):
+        read_recording(tmp_path / "walk.txt", ReadOptions(rate_hz=2.0))
+    read_recording(tmp_path / "walk.txt", ReadOptions(columns=("id", "frame", "x", "y"), rate_hz=2.0))
+
+
+def test_a_column_that_never_changes_is_no_position(tmp_path):
+    rows = [(k, who, x, 0.0, y) for who, k, x, y in walkers(3, 20, 0)]
+    (tmp_path / "obsmat.txt").write_text("\n".join(" ".join(map(str, row)) for row in rows))
+    with pytest.raises(
+        SourceError, match=r"column 4 should be y, but it is 0 in all lines.*frame,id,x,height,y"
+    ):
+        read_recording(tmp_path / "obsmat.txt", ReadOptions(rate_hz=2.5))
+
+
+def crowd(factor=1.0, clock=1.0):
+    rows = walkers(6, 30, 1)
+    return Trajectories(
+        [clock * 0.4 * k for _, k, *_ in rows],
+        [row[0] for row in rows],
+        factor * np.array([r[2:] for r in rows]),
+    )
+
+
+@given(st.sampled_from([3.281, 39.37, 100.0, 1000.0]))
+def test_lengths_in_another_unit_are_refused_with_the_unit_and_read_where_it_is_wanted(factor):
+    with pytest.raises(ContentError, match="faster than people walk") as refused:
+        check_speeds("walk.csv", crowd(factor if factor > 5 else 6.0))
+    assert "--any-speed" in refused.value.remedy
+    assert ("--unit cm" in refused.value.remedy) == (factor in (39.37, 100.0))
+    check_speeds("walk.csv", crowd(factor), any_speed=True)
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"),
+    [
+        (1e3, "milliseconds or frame numbers"),
+        (1e6, "microseconds"),
+        (1e9, "nanoseconds|convert ms, us or ns"),
+        (15, "frame numbers"),
+    ],
+)
+def test_a_clock_that_does_not_count_seconds_is_recognised(tmp_path, factor, unit):
+    lines = [f"{0.4 * factor * k},{who},{x},{y}" for who, k, x, y in walkers(3, 20, 0)]
+    (tmp_path / "walk.csv").write_text("\n".join(["time,id,x,y", *lines]))
+    with pytest.raises(SourceError, match=unit):
+        read_recording(tmp_path / "walk.csv")
+
+
+def test_speeds_are_measured_along_tracks():
+    people = crowd()
+    np.testing.assert_allclose(np.median(speeds_mps(people)), 1.2, rtol=0.01)
+    np.testing.assert_allclose(np.median(speeds_mps(crowd(2.0))), 2.4, rtol=0.01)
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"), [(3.0, "people move at up to 3.6"), (0.05, "nobody moves faster")]
+)
+def test_odd_speeds_are_told_without_a_cause(factor, said, caplog):
+    check_speeds("walk.csv", crowd(factor))
+    assert caplog.text.count("WARNING") == 1
+    assert said in caplog.text
+    assert "--" not in caplog.text
+
+
+@pytest.mark.parametrize("name", ["corner/walk.txt", "zara01/excerpt.txt"])
+def test_a_real_recording_is_read_without_a_warning(name, caplog):
+    with caplog.at_level(logging.WARNING):
+        read_recording(ROOT / "examples" / name, ReadOptions(rate_hz=25.0 if "zara" in name else None))
+    assert not caplog.text
+
+
+def test_people_who_start_together_where_others_were_are_no_cause_to_warn(tmp_path, caplog):
+    """As in tables of Pathfinder: 150 people begin at 0 s."""
+    rows = [(0.5 * k, who, who % 15 + 0.6 * k, who // 15) for who in range(150) for k in range(20)]
+    text = "\n".join(["t,id,x,y", *(",".join(map(str, row)) for row in rows)])
+    (tmp_path / "pathfinder.csv").write_text(text)
+    read_recording(tmp_path / "pathfinder.csv")
+    assert not caplog.text
