@@ -66,7 +66,7 @@ smoke: setup ## run the whole pipeline at toy size in build/smoke, apart from yo
 test: setup ## run the tests
 	python -m pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
 
-mutants: setup ## make one wrong change at a time in the core and see whether a test fails; writes reports/mutants.md (an hour or two)
+mutants: setup ## make one wrong change at a time in the core and see whether a test fails; writes reports/mutants.md (half an hour)
 	python -m tools.mutants
 
 rosenv: setup

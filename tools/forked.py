@@ -76,6 +76,7 @@ def _child(job: Job, folder: Path) -> None:
     status = 100
     try:
         os.setpgid(0, 0)
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
         folder.mkdir(parents=True, exist_ok=True)
         silent = os.open(os.devnull, os.O_WRONLY)
         os.dup2(silent, 1)
