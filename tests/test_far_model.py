@@ -115,7 +115,7 @@ def test_a_model_or_a_recording_of_other_steps_is_refused_by_it(walks, model):
     with pytest.raises(SystemExit, match=r"--model.*10 steps of 0\.3 s.*needs 12 steps of 0\.4 s"):
         main([*own, "25", "--model", str(model[0])])
     short = walks.with_name("short.txt")
-    short.write_text("\n".join(f"{10 * k} 1 {0.4 * k:.1f} 0.5" for k in range(12)) + "\n")
+    short.write_text("\n".join(f"{10 * k} 1 {0.4 * k:.1f} {0.5 + 0.01 * k:.2f}" for k in range(12)) + "\n")
     with pytest.raises(SystemExit, match=r"windows.*nobody in short is annotated 20 times in a row"):
         main(["evaluate", str(short), "--protocol", "eth-ucy", "--rate", "25"])
     with pytest.raises(SystemExit, match=r"--protocol.*every 1 s.*needs annotations every 0\.4 s"):
