@@ -11,16 +11,8 @@ from pedpred.driving.risk import Steps, expected
 from pedpred.driving.robot import Robot
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Forecast, Predictions
+from tests.by_hand.robots import HOLONOMIC, LIMITS, ROBOT
 
-LIMITS = {
-    "radius_m": 0.35,
-    "speed_mps": 1.1,
-    "turn_radps": 1.7,
-    "acceleration_mps2": 0.9,
-    "braking_mps2": 1.6,
-    "turn_acceleration_radps2": 2.3,
-}
-ROBOT, HOLONOMIC = Robot("differential", **LIMITS), Robot("holonomic", **LIMITS)
 FREE = {"exposure_weight": 0.0, "wall_weight": 0.0, "change_weight": 0.0}
 """Only time has a cost."""
 PLACE, TURN = np.array([0.7, -0.4]), np.array([[0.6, -0.8], [0.8, 0.6]])

@@ -7,16 +7,7 @@ import pytest
 
 from pedpred.driving.robot import Robot, advance
 from pedpred.errors import ValueRuleError
-
-LIMITS = {
-    "radius_m": 0.35,
-    "speed_mps": 1.1,
-    "turn_radps": 1.7,
-    "acceleration_mps2": 0.9,
-    "braking_mps2": 1.6,
-    "turn_acceleration_radps2": 2.3,
-}
-ROBOT, HOLONOMIC = Robot("differential", **LIMITS), Robot("holonomic", **LIMITS)
+from tests.by_hand.robots import HOLONOMIC, LIMITS, ROBOT
 
 
 @pytest.mark.parametrize("dt_s", [0.1, 0.4])
