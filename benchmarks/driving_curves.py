@@ -25,7 +25,7 @@ from benchmarks.timing import tell
 from pedpred.driving.figures import Episodes, share_interval
 from pedpred.driving.forecasters import TRUTH
 from pedpred.driving.table import Condition, Row, read_table
-from pedpred.errors import FileError, user_errors
+from pedpred.errors import InputError, user_errors
 from pedpred.report.drives import LABELS
 
 PAGE = Path("docs/driving.md")
@@ -143,15 +143,17 @@ def driven_in(tables: Sequence[Path]) -> dict[str, list[Row]]:
     """Place -> its drives.
 
     Raises:
-        FileError: a table is damaged or has no drives, or two are of one place.
+        InputError: a table is damaged or has no drives, or two are of one place.
     """
     driven: dict[str, list[Row]] = {}
     for table in tables:
         if not (rows := read_table(table)):
-            raise FileError(table, "", "no drives are in it", "Name a table that `pedpred drive` has written")
+            raise InputError(
+                table, "", "no drives are in it", "Name a table that `pedpred drive` has written"
+            )
         name = rows[0].place.replace("_", " ")
         if name in driven:
-            raise FileError(
+            raise InputError(
                 table, "", f"its place, {name}, is that of an earlier table", "Name one for each place"
             )
         driven[name] = rows

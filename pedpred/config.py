@@ -26,7 +26,7 @@ import hydra
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
-from pedpred.errors import ConfigError, FileError, ValueRuleError, user_errors
+from pedpred.errors import ConfigError, InputError, ValueRuleError, user_errors
 from pedpred.files import check_output, read_yaml, translate_errors, write_text
 from pedpred.plain import parse_yaml
 
@@ -107,7 +107,7 @@ def config_errors(address: str | None = None) -> Iterator[None]:
             yield
         except OmegaConfBaseException as error:
             raise _about_key(error, address) from error
-        except FileError as error:
+        except InputError as error:
             remedy = _remedy(error.path)
             said = f"{error.problem}{remedy}" if remedy else str(error)
             raise SystemExit(f"{type(error).__name__}: {said}") from error

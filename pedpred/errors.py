@@ -116,53 +116,41 @@ class ConfigError(PedpredError):
         self.field, self.value = key, value
 
 
-class FileError(PedpredError):
-    """A file cannot be understood; the message names it.
+class InputError(PedpredError):
+    """A file or folder that is read cannot be used; the message names it, the problem and the remedy.
+
+    Args:
+        path: of the file.
+        where: number of a line, or name of a column or entry; None: the file as a whole.
+        problem: what is wrong.
+        remedy: what to do.
 
     Attributes:
         path: of the file.
+        where: see above.
         problem: the message without its remedy.
     """
 
-    def __init__(self, path: Path, where: str, problem: str, remedy: str):
-        about, told = (_cut(text, _LONGEST_PROBLEM) for text in (f"{path}{where}", problem))
-        self.path, self.problem = Path(path), f"{about}: {told}"
+    def __init__(
+        self,
+        path: Path,
+        where: int | str | None,
+        problem: str,
+        remedy: str = "Correct the file or fetch it again",
+    ):
+        place = f", line {where}" if isinstance(where, int) else f", {where}" if where else ""
+        about, what = (_cut(text, _LONGEST_PROBLEM) for text in (f"{path}{place}", problem))
+        self.path, self.where, self.problem = Path(path), where, f"{about}: {what}"
         super().__init__(f"{self.problem}{f'. {remedy}' if remedy else ''}")
 
 
-class SourceError(FileError):
-    """A raw file cannot be understood."""
-
-    def __init__(
-        self, path: Path, line: int | None, problem: str, remedy: str = "Correct the file or fetch it again"
-    ):
-        super().__init__(path, "" if line is None else f", line {line}", problem, remedy)
-        self.line = line
-
-
-class StorageError(FileError):
-    """A file that pedpred wrote (scene, shard, checkpoint) cannot be read back."""
-
-    def __init__(self, path: Path, field: str, problem: str, remedy: str = ""):
-        super().__init__(path, f", {field}", problem, remedy)
-        self.field = field
-
-
-class OutputError(FileError):
+class OutputError(PedpredError):
     """A file or folder cannot be written where it was asked for."""
 
     def __init__(self, path: Path, problem: str, remedy: str = "Name another file or folder"):
-        super().__init__(path, "", f"it cannot be written: {problem}", remedy)
-
-
-class WorkerError(PedpredError):
-    """A worker process was killed by the system or by a person."""
-
-    def __init__(self, title: str):
-        super().__init__(
-            f"{title}: a worker process was killed, perhaps because memory ran out. "
-            "No partial results were kept; run it again with fewer workers (PEDPRED_JOBS=1)"
-        )
+        about, what = (_cut(text, _LONGEST_PROBLEM) for text in (str(path), problem))
+        super().__init__(f"{about}: it cannot be written: {what}{f'. {remedy}' if remedy else ''}")
+        self.path = Path(path)
 
 
 class FetchError(PedpredError):

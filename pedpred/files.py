@@ -31,7 +31,7 @@ import numpy as np
 from pedpred.errors import (
     NO_ROOM,
     ROOM_REMEDY,
-    FileError,
+    InputError,
     OutputError,
     PedpredError,
     ShapeError,
@@ -80,11 +80,11 @@ def translate_errors(wording: Wording) -> Iterator[None]:
     error that already names a file passes.
 
     Args:
-        wording: such as `partial(StorageError, path, "file", remedy=...)`.
+        wording: such as `partial(InputError, path, "file", remedy=...)`.
     """
     try:
         yield
-    except FileError:
+    except (InputError, OutputError):
         raise
     except Exception as cause:
         raise wording(" ".join(_problem(cause).split())[:_LONGEST_PROBLEM]) from cause
@@ -98,34 +98,27 @@ def _problem(cause: Exception) -> str:
     return str(cause) if isinstance(cause, PedpredError) else f"{type(cause).__name__}: {cause}"
 
 
-def check_input(
-    path: Path,
-    about: str | None = "",
-    error: Callable[[Path, Any, str, str], FileError] = FileError,
-    folder: bool | None = None,
-) -> None:
+def check_input(path: Path, folder: bool | None = None) -> None:
     """Check that an input is there, and no pipe or device, before anything is said of its content.
 
     Args:
         path: of the input.
-        about: what it is, for the error.
-        error: made of path, `about`, problem and remedy.
         folder: whether it must be a folder; None: a file or a folder.
 
     Raises:
-        FileError: it is not; of the kind that `error` makes.
+        InputError: it is not.
     """
     called = {False: "file", True: "folder", None: "file or folder"}[folder]
     try:
         if not path.exists():
-            raise error(path, about, f"there is no such {called}", "Correct the name")
+            raise InputError(path, None, f"there is no such {called}", "Correct the name")
         there = "folder" if path.is_dir() else "file" if path.is_file() else ""
     except OSError as cause:
-        raise error(path, about, cause.strerror or str(cause), "Correct the name") from cause
+        raise InputError(path, None, cause.strerror or str(cause), "Correct the name") from cause
     if not there:
-        raise error(path, about, "it is a pipe or device", "Write it to a file, and name that")
+        raise InputError(path, None, "it is a pipe or device", "Write it to a file, and name that")
     if there not in called:
-        raise error(path, about, f"it is a {there}", f"Name a {called}")
+        raise InputError(path, None, f"it is a {there}", f"Name a {called}")
 
 
 def read_bytes(path: Path, largest: int = _LARGEST_BYTES) -> bytes:
@@ -174,7 +167,7 @@ def read_json(path: Path, wording: Wording) -> dict[str, Any]:
         wording: of the error, see `translate_errors`.
 
     Raises:
-        FileError: the file is missing, too large or no JSON, or its content is not an object.
+        InputError: the file is missing, too large or no JSON, or its content is not an object.
     """
     with translate_errors(wording):
         return _mapping(parse_json(read_bytes(path, _LARGEST_JSON_BYTES)))
@@ -214,7 +207,7 @@ def open_picture(path: Path, wording: Wording) -> Iterator[Image.Image]:
     """Open a picture whose pixels are not decoded yet; errors inside the block name the file.
 
     Raises:
-        FileError: the file is missing, no picture, damaged or has more than `MOST_PIXELS`.
+        InputError: the file is missing, no picture, damaged or has more than `MOST_PIXELS`.
     """
     with translate_errors(wording), _opened_picture(path) as image:
         if math.prod(image.size) > MOST_PIXELS:
@@ -228,7 +221,7 @@ def read_picture(path: Path, mode: str, wording: Wording) -> np.ndarray:
     """Read a picture as [rows, columns] (mode "L") or [rows, columns, 3] ("RGB") uint8.
 
     Raises:
-        FileError: see `open_picture`.
+        InputError: see `open_picture`.
     """
     with open_picture(path, wording) as image:
         return np.asarray(image.convert(mode))

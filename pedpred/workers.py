@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 from joblib import Parallel, delayed, parallel_config
 from tqdm import tqdm
 
-from pedpred.errors import ValueRuleError, WorkerError
+from pedpred.errors import PedpredError, ValueRuleError
 
 Result = TypeVar("Result")
 _MOST_JOBS = 1024
@@ -37,7 +37,7 @@ def in_parallel(
 
     Raises:
         ValueRuleError: the number of jobs is none, or there is no such backend.
-        WorkerError: a worker process was killed.
+        PedpredError: a worker process was killed.
     """
     with backend(os.environ.get("PEDPRED_BACKEND")):
         jobs = _jobs()
@@ -47,7 +47,10 @@ def in_parallel(
         try:
             return list(tqdm(done, total=len(tasks), desc=title, unit=unit))
         except BrokenProcessPool as cause:
-            raise WorkerError(title) from cause
+            raise PedpredError(
+                f"{title}: a worker process was killed, perhaps because memory ran out. "
+                "No partial results were kept; run it again with fewer workers (PEDPRED_JOBS=1)"
+            ) from cause
 
 
 def _jobs() -> int:

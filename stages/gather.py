@@ -5,7 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage, stage_key
-from pedpred.errors import ConfigError, StorageError
+from pedpred.errors import ConfigError, InputError
 from pedpred.evaluation.scores import Resampling, Scores, read_scores
 from pedpred.evaluation.summary import summarise_test_set
 from pedpred.fields import parsed
@@ -41,7 +41,7 @@ def main(cfg: DictConfig) -> None:
     with configured("comparison"):
         settings = parsed(Resampling, comparison)
     if not (of_reference := Path("data/scores/baselines", reference)).is_dir():
-        raise StorageError(of_reference, "scores", "there are none")
+        raise InputError(of_reference, "scores", "there are none")
     gathered: dict = {}
     errors_m: dict = {}
     for name, fold in cfg.folds[study].items():

@@ -8,7 +8,7 @@ from omegaconf import DictConfig
 
 from pedpred.baselines.present_motion import STRONGEST
 from pedpred.config import configured, plain, stage
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.evaluation.scores import Resampling, pool_scores, read_scores
 from pedpred.evaluation.summary import coverages, summarise_methods
 from pedpred.fields import parsed
@@ -20,7 +20,7 @@ def figures_of(cfg: DictConfig, name: str, settings: Resampling) -> dict[str, An
     """Figures at the scenes of a fold, whose recordings are pooled: scene -> method -> figures."""
     figures: dict[str, Any] = {}
     if not (evaluated := Path("data/literature", name)).is_dir():
-        raise StorageError(evaluated, "scores", "there are none")
+        raise InputError(evaluated, "scores", "there are none")
     for scene in cfg.literature.folds[name].test:
         top, recordings = Path("data/literature", name, scene), cfg.literature.scenes[scene]
         pools = {

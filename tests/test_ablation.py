@@ -14,7 +14,7 @@ import yaml
 from dvc.repo import Repo
 
 from pedpred import config
-from pedpred.errors import ConfigError, FileError, ValueRuleError
+from pedpred.errors import ConfigError, InputError, ValueRuleError
 from pedpred.plain import parse_yaml
 from pedpred.report.ablation import (
     Column,
@@ -168,7 +168,7 @@ def test_an_ablation_that_does_not_exist_is_named_beside_those_that_do():
 )
 def test_an_unknown_key_of_an_ablation_is_named(tmp_path, line, said):
     (file := tmp_path / "reach.yaml").write_text(f"{ABLATIONS[0].read_text()}\n{line}\n")
-    with pytest.raises(FileError, match=re.escape(said)):
+    with pytest.raises(InputError, match=re.escape(said)):
         read_ablation(file)
 
 
@@ -252,7 +252,7 @@ def test_a_figure_that_no_run_measured_is_named(there, said):
 def test_a_misspelt_key_is_refused(tmp_path):
     path = tmp_path / "odd.yaml"
     path.write_text(ABLATIONS[0].read_text().replace("entry:", "entyr:"))
-    with pytest.raises(FileError, match=r"odd\.yaml.*entyr"):
+    with pytest.raises(InputError, match=r"odd\.yaml.*entyr"):
         read_ablation(path)
 
 

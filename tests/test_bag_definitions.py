@@ -6,7 +6,7 @@ from contextlib import closing
 import pytest
 
 from pedpred.command.conversion import read_any
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.ros import ADAPTERS, read_bag
 from pedpred.ros.definitions import EDITIONS
 from tests.bags import PEOPLE, Filled, check, stream, write_mcap
@@ -29,7 +29,7 @@ def test_every_type_is_known_where_a_bag_does_not_define_it(kind, edition, stora
         with closing(sqlite3.connect(path)) as base:
             base.executescript("DROP TABLE message_definitions; UPDATE schema SET schema_version = 3;")
     if edition == 2 and kind.startswith("vision_msgs"):
-        with pytest.raises(SourceError, match=r"id = ''.*who is who"):
+        with pytest.raises(InputError, match=r"id = ''.*who is who"):
             read_any(path)
         return
     check(read_any(path), (0, 1) if kind.endswith("PoseArray") else (3, 8))
@@ -61,5 +61,5 @@ def test_messages_of_ros_1_in_mcap_are_read(kind, defined, tmp_path):
 
 def test_another_encoding_is_named(tmp_path):
     path = write_mcap(Filled(0), tmp_path / "hall.mcap", PEOPLE, "json", "jsonschema", b"")
-    with pytest.raises(SourceError, match=r"no topic carries people, among.*people_msgs/msg/People in json"):
+    with pytest.raises(InputError, match=r"no topic carries people, among.*people_msgs/msg/People in json"):
         read_any(path)

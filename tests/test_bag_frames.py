@@ -8,7 +8,7 @@ from rosbags.typesys import Stores, get_types_from_msg
 from scipy.spatial.transform import Rotation
 
 from pedpred.command import main
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.online import OnlinePredictor
 from pedpred.online.replay import replay_scene
 from pedpred.ros import Transform, read_bag
@@ -70,7 +70,7 @@ def test_people_in_a_fixed_frame_stay_where_they_are(ros2, tmp_path):
 def test_a_frame_that_nothing_leads_to_is_named_with_what_to_record(ros2, tmp_path):
     path = moving_bag(ros2, tmp_path / "hall", grid="map")
     with pytest.raises(
-        SourceError, match=r"'base_link', which /tf brings to 'odom', map in 'map'.*record /tf"
+        InputError, match=r"'base_link', which /tf brings to 'odom', map in 'map'.*record /tf"
     ) as told:
         read_bag(path)
     assert "transform" not in str(told.value)
@@ -83,7 +83,7 @@ def test_a_given_transform_is_that_of_the_frame_that_stands(ros2, tmp_path):
     """A fixed pose of a robot's frame would be wrong; where /tf reaches the map there is nothing to give."""
     given, pose = Transform(-4.0, 1.5, 0.7), ODOM
     check_moving(read_bag(moving_bag(ros2, tmp_path / "hall", grid="map"), transform=given), pose)
-    with pytest.raises(SourceError, match=r"'base_link' moves.*leave --transform out"):
+    with pytest.raises(InputError, match=r"'base_link' moves.*leave --transform out"):
         read_bag(moving_bag(ros2, tmp_path / "all", localised=True, grid="map"), transform=given)
 
 
@@ -97,7 +97,7 @@ def test_detections_without_a_transform_at_their_time_are_left_out(ros2, tmp_pat
     assert here.max() == pytest.approx(4.5)
     assert not ((here > 2.05) & (here < 3.45)).any()
     assert f"{100 - 2 * len(here)} of 100 detections" in caplog.text
-    with pytest.raises(SourceError, match=r"transform = .none at 10\.0 s.*record both together"):
+    with pytest.raises(InputError, match=r"transform = .none at 10\.0 s.*record both together"):
         read_bag(moving_bag(ros2, tmp_path / "late", tf_s=tf_s + 100.0))
 
 
@@ -153,7 +153,7 @@ def test_people_without_a_frame_are_told(ros2, tmp_path, caplog):
 def test_a_frame_whose_y_is_a_height_is_refused(ros2, tmp_path):
     """A camera's, or that of a simulator whose y is up: z is the way of people, too."""
     found = moving_messages(ros2, "world", lambda at, _: at[[0, 2, 1]] + [0.0, 0.0, 0.0], tf_s=np.zeros(0))
-    with pytest.raises(SourceError, match=r"in 'world'., but y looks like a height: record /tf"):
+    with pytest.raises(InputError, match=r"in 'world'., but y looks like a height: record /tf"):
         read_bag(write_timed(ros2, tmp_path / "hall", found))
 
 
@@ -168,7 +168,7 @@ def test_transforms_of_another_clock_are_told(ahead_s, clock, ros2, tmp_path, ca
             message = transform(ros2, "odom", "base_link", robot(stamp_s), stamp_s)
         found.append((time_s / clock, topic, kind, message))
     path = write_timed(ros2, tmp_path / "hall", found)
-    with suppress(SourceError):  # no transform is of the time of people
+    with suppress(InputError):  # no transform is of the time of people
         read_bag(path)
     told = {-7.0: "7.0 s later", -2.0: "2.0 s later", 2.5: "2.5 s earlier"}.get(ahead_s)
     assert (f"people are stamped {told} than the poses of 'base_link' in 'odom'" in caplog.text) == bool(told)

@@ -5,7 +5,7 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg
 from scipy.spatial.transform import Rotation
 
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.ros import read_bag
 from pedpred.ros.detections import Instant
 from pedpred.ros.message_types import serialize
@@ -158,7 +158,7 @@ def test_ids_of_one_message_are_looked_at_together(name, tmp_path):
     for time_s in TIMES_S:
         seen = [((time_s, "map"), name, (1.0, time_s, 0.0)), ((time_s - 0.03, "map"), name, (5.0, 0.0, 0.0))]
         messages.append(content(LEGS, (time_s, "map"), *seen))
-    with pytest.raises(SourceError, match=r"hall: /seen: id = .* (have different ones|say who is who)"):
+    with pytest.raises(InputError, match=r"hall: /seen: id = .* (have different ones|say who is who)"):
         read_bag(bag(tmp_path / "hall", LEGS, messages, moves=False))
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.ros import Transform, read_bag
 from pedpred.ros.heights import check_heights
 from tests.bags import PEOPLE, check_moving, moving_bag
@@ -47,7 +47,7 @@ def test_another_height_than_z_is_refused_with_what_to_do(axes, name, noisy, tra
     told = (
         rf"hall: /seen: position = .{name} changes by .* z by .* m in 'map'.*{name} looks like a height.*/tf"
     )
-    with pytest.raises(SourceError, match=told):
+    with pytest.raises(InputError, match=told):
         read_bag(path, transform=transform)
 
 
@@ -55,7 +55,7 @@ def test_depth_in_the_frame_of_a_camera_is_no_height(ros2, tmp_path):
     """Also where people come down from above, so that y changes, too."""
     places = walks()
     places[..., 2] += np.linspace(0.0, 3.0, 60)
-    with pytest.raises(SourceError, match=r"z looks forward in frames of cameras.*a frame whose z looks up"):
+    with pytest.raises(InputError, match=r"z looks forward in frames of cameras.*a frame whose z looks up"):
         read_bag(bag(ros2, tmp_path / "hall", places[..., [0, 2, 1]], "cam0_optical_frame"))
 
 

@@ -6,7 +6,7 @@ from rosbags import rosbag1
 from rosbags.typesys import Stores
 
 from pedpred.command import main
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.ros import read_bag
 from pedpred.ros.planning import HORIZON
 from pedpred.storage.scenes import read_scene, write_map
@@ -89,30 +89,30 @@ def test_a_map_that_is_none_changes_nothing_and_is_told(tmp_path, caplog, wrong)
     assert "left out" not in caplog.text
     if found[0] == "/map":
         store.write(tmp_path / "alone", [found, *people])
-        with pytest.raises(SourceError, match="alone"):
+        with pytest.raises(InputError, match="alone"):
             read_bag(tmp_path / "alone")
 
 
 def test_a_topic_without_people_is_named(ros2, tmp_path):
     path = bag(ros2, tmp_path / "hall", "/map")
     for topic in ("/map", "/nothing"):
-        with pytest.raises(SourceError, match=rf"{topic} carries no people, among .*/people"):
+        with pytest.raises(InputError, match=rf"{topic} carries no people, among .*/people"):
             read_bag(path, topic=topic)
 
 
 def test_a_class_of_people_without_classes_is_refused(ros2, tmp_path):
     path = bag(ros2, tmp_path / "hall", "/map")
     check(read_bag(path))
-    with pytest.raises(SourceError, match=r"/people has no classes.*people_msgs.*Leave --class out"):
+    with pytest.raises(InputError, match=r"/people has no classes.*people_msgs.*Leave --class out"):
         read_bag(path, classes=("dog",))
 
 
 def test_several_maps_are_asked_about(ros2, tmp_path):
     path = bag(ros2, tmp_path / "hall", "/lidar", "/plan")
-    with pytest.raises(SourceError, match=r"'/lidar', '/plan'.*--map-topic"):
+    with pytest.raises(InputError, match=r"'/lidar', '/plan'.*--map-topic"):
         read_bag(path)
     check(read_bag(path, map_topic="/lidar"))
-    with pytest.raises(SourceError, match="/nothing carries no map"):
+    with pytest.raises(InputError, match="/nothing carries no map"):
         read_bag(path, map_topic="/nothing")
 
 

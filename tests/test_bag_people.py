@@ -12,7 +12,7 @@ from rosbags import rosbag2
 from scipy.spatial.distance import cdist
 
 from pedpred.command import main
-from pedpred.errors import ShapeError, SourceError, ValueRuleError
+from pedpred.errors import InputError, ShapeError, ValueRuleError
 from pedpred.geometry import rotate
 from pedpred.ros import (
     TrackNumbers,
@@ -81,7 +81,7 @@ def test_what_is_usable_makes_trajectories_and_nothing_else_is_lost(rows):
 def test_people_in_another_frame_need_its_pose(ros2, tmp_path):
     steps = [(0.0, {"3": (1.0, 0.0)}), (0.5, {"3": (2.0, 0.0)})]
     path = bag(ros2, tmp_path / "bag", *steps, frame="odom")
-    with pytest.raises(SourceError, match=r"people in 'odom', map in 'map'.*x, y and yaw"):
+    with pytest.raises(InputError, match=r"people in 'odom', map in 'map'.*x, y and yaw"):
         read_bag(path)
     people = read_bag(path, transform=Transform(10.0, 20.0, np.pi / 2)).trajectories
     np.testing.assert_allclose(people.position, [[10, 21], [10, 22]])
@@ -231,7 +231,7 @@ def test_only_people_are_taken_among_classes(labels, classes, tracks, tmp_path, 
 
 
 def test_classes_without_people_are_asked_about(tmp_path, capsys):
-    with pytest.raises(SourceError, match=r"class_id = \{'0': 10, '56': 10\}, but none is.*--class"):
+    with pytest.raises(InputError, match=r"class_id = \{'0': 10, '56': 10\}, but none is.*--class"):
         boxes(tmp_path / "hall", "0", "56")
     main(["info", str(tmp_path / "hall"), "--class", "0"])
     assert "10 of 1 tracks" in capsys.readouterr().out
@@ -242,7 +242,7 @@ def test_impossible_speeds_and_times_are_doubted(ros2, tmp_path, caplog):
     assert len(read_bag(bag(ros2, tmp_path / "mm", *far)).trajectories) == 20
     assert "faster than people walk" in caplog.text
     slow = [(100.0 * k, {"3": (0.1 * k, 0.0)}) for k in range(20)]
-    with pytest.raises(SourceError, match=r"usually 100 s between two detections.*seconds and nanoseconds"):
+    with pytest.raises(InputError, match=r"usually 100 s between two detections.*seconds and nanoseconds"):
         read_bag(bag(ros2, tmp_path / "ms", *slow))
 
 
@@ -285,7 +285,7 @@ def test_people_without_a_box_are_at_their_likeliest_pose(tmp_path):
 def test_everybody_at_one_place_is_refused_with_the_topic(results, tmp_path):
     """A box that is there counts, whatever the results say."""
     path = likely_at(tmp_path / "hall", *results, centre=(3.0, 0.0, 0.5))
-    with pytest.raises(SourceError, match=r"hall: /boxes: position = \[3\.0, 0\.0\], .*always there"):
+    with pytest.raises(InputError, match=r"hall: /boxes: position = \[3\.0, 0\.0\], .*always there"):
         read_bag(path)
 
 
@@ -337,7 +337,7 @@ def test_somebody_is_called_minus_one_where_others_have_negative_ids(ros2, tmp_p
 def test_a_bag_of_nobody_is_refused(several, ros2, tmp_path):
     """NaN is never somebody; -1 may be, where it is the only id."""
     steps = [(k / 10, [("nan", (k / 10, 2.0 * n)) for n in range(several)]) for k in range(10)]
-    with pytest.raises(SourceError, match=r"hall: /people: id = '', .*say who is who"):
+    with pytest.raises(InputError, match=r"hall: /people: id = '', .*say who is who"):
         read_bag(bag(ros2, tmp_path / "hall", *steps))
 
 
@@ -348,13 +348,13 @@ def test_a_bag_of_nobody_is_refused(several, ros2, tmp_path):
 def test_lengths_in_another_unit_are_refused(per_m, unit, ros2, tmp_path):
     steps = [(k / 10, {"3": (per_m * k / 10, 0.0), "4": (0.0, per_m * k / 8)}) for k in range(20)]
     told = rf"hall: /people: position = .* half of the time.*: are lengths {unit} in place of metres.*--unit"
-    with pytest.raises(SourceError, match=told):
+    with pytest.raises(InputError, match=told):
         read_bag(bag(ros2, tmp_path / "hall", *steps))
 
 
 def test_degrees_are_refused(ros2, tmp_path):
     steps = [(k / 10, {"3": (8.5 + 1e-6 * k, 47.3), "4": (8.5, 47.3 - 1e-6 * k)}) for k in range(20)]
-    with pytest.raises(SourceError, match=r"hall: /people: position = \[8.5, 47.3\], .*degrees.*metres"):
+    with pytest.raises(InputError, match=r"hall: /people: position = \[8.5, 47.3\], .*degrees.*metres"):
         read_bag(bag(ros2, tmp_path / "hall", *steps))
 
 

@@ -14,7 +14,7 @@ from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores
 
 from pedpred.command.conversion import read_any
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.ros import is_bag, read_bag
 from tests.bags import PEOPLE, Store
 
@@ -68,7 +68,7 @@ def test_a_bag_that_is_cut_anywhere_is_read_up_to_there(kind, tmp_path):
                 found.append(walked(read_bag(path)))
                 assert kind == "db3" or "read up to byte" in str(said[0].message)
                 assert found[-1] == total or "is cut" in str(said[0].message)
-            except SourceError as error:
+            except InputError as error:
                 assert error.path == path  # noqa: PT017
                 found.append(0)
     assert np.diff(found).min() >= 0
@@ -165,7 +165,7 @@ def test_files_without_metadata_yaml_follow_in_the_order_of_their_numbers(tmp_pa
 def test_a_folder_says_what_is_missing(tmp_path):
     path = write("mcap", tmp_path)
     path.rename(path.with_name("other.mcap"))
-    with pytest.raises(SourceError, match=r"metadata\.yaml: it names files that are missing.*Remove it"):
+    with pytest.raises(InputError, match=r"metadata\.yaml: it names files that are missing.*Remove it"):
         read_bag(path.parent)
     (path.parent / "metadata.yaml").unlink()
     assert walked(read_bag(path.parent)) == COUNT
@@ -192,7 +192,7 @@ def test_a_file_that_is_compressed_as_a_whole_is_unpacked(kind, tmp_path):
     metadata.unlink()
     assert walked(read_any(path.parent)) == COUNT
     packed.write_bytes(raw[: len(raw) // 2])
-    with pytest.raises(SourceError, match=str(path.parent)), warnings.catch_warnings(action="ignore"):
+    with pytest.raises(InputError, match=str(path.parent)), warnings.catch_warnings(action="ignore"):
         read_bag(packed)
 
 
@@ -200,7 +200,7 @@ def test_a_file_that_would_fill_the_disk_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "hall.mcap.zstd"
     path.write_bytes(zstandard.compress(bytes(2**20)))
     monkeypatch.setattr("pedpred.ros.bag_files._LARGEST_BYTES", 1000)
-    with pytest.raises(SourceError, match=r"hall\.mcap\.zstd.*when unpacked"):
+    with pytest.raises(InputError, match=r"hall\.mcap\.zstd.*when unpacked"):
         read_bag(path)
 
 
@@ -223,7 +223,7 @@ def test_what_a_killed_recorder_left_in_the_write_ahead_log_is_read(tmp_path):
 @pytest.mark.parametrize("raw", [b"", b"#ROSBAG V1.2\nold", b"nothing of this kind"])
 def test_a_file_that_is_no_bag_is_told_so(raw, tmp_path):
     (tmp_path / "hall.bag").write_bytes(raw)
-    with pytest.raises(SourceError, match=r"hall\.bag.*begin with.*`rosbag fix`"):
+    with pytest.raises(InputError, match=r"hall\.bag.*begin with.*`rosbag fix`"):
         read_bag(tmp_path / "hall.bag")
 
 
@@ -231,7 +231,7 @@ def _walked_if_read(path):
     """How many detections of a bag are read; 0 where it is refused by name."""
     try:
         return walked(read_bag(path))
-    except SourceError as error:
+    except InputError as error:
         if str(path) not in str(error):
             raise
         return 0
@@ -272,7 +272,7 @@ def test_damaged_messages_are_left_out_and_counted(kind, tmp_path, caplog):
     for message in messages:
         raw = raw.replace(message, bytes([255]) * len(message))
     path.write_bytes(raw)
-    with pytest.raises(SourceError, match=str(path)):
+    with pytest.raises(InputError, match=str(path)):
         read_bag(path)
 
 
@@ -293,5 +293,5 @@ def test_another_data_base_is_no_damaged_bag(tmp_path):
     with closing(sqlite3.connect(tmp_path / "simulation.db3")) as base:
         base.execute("CREATE TABLE trajectory_data (frame, id, pos_x, pos_y)")
         base.commit()
-    with pytest.raises(SourceError, match=r"\['trajectory_data'\].*a name that ends in .sqlite"):
+    with pytest.raises(InputError, match=r"\['trajectory_data'\].*a name that ends in .sqlite"):
         read_bag(tmp_path / "simulation.db3")

@@ -16,7 +16,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from pedpred.command import main
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.ros import ADAPTERS, TrackNumbers, read_bag, unpacking, write_recording
 from pedpred.storage.scenes import read_scene, write_scene
 from tests.bags import PATHS, PEOPLE, Store, check, repacked, stream
@@ -53,17 +53,17 @@ def test_a_bag_becomes_a_scene_folder_with_another_map(ros2, tmp_path):
 def test_a_bag_that_makes_no_scene_says_why(ros2, tmp_path):
     kind = "hunav_msgs/msg/Agents"
     ros2.write(tmp_path / "empty", [("/map", "nav_msgs/msg/OccupancyGrid", ros2.grid())])
-    with pytest.raises(SourceError, match=r"no topic carries people.*map"):
+    with pytest.raises(InputError, match=r"no topic carries people.*map"):
         read_bag(tmp_path / "empty")
     ros2.write(tmp_path / "two", [*stream(ros2, kind), ("/more", kind, ros2.people(kind, 0.5))])
-    with pytest.raises(SourceError, match=r"several topics.*/more"):
+    with pytest.raises(InputError, match=r"several topics.*/more"):
         read_bag(tmp_path / "two")
     check(read_bag(tmp_path / "two", "/tracks"))
     ros2.write(tmp_path / "moved", stream(ros2, kind, "odom"))
-    with pytest.raises(SourceError, match=r"people in 'odom', map in 'map'.*pose of the people's frame"):
+    with pytest.raises(InputError, match=r"people in 'odom', map in 'map'.*pose of the people's frame"):
         read_bag(tmp_path / "moved")
     (tmp_path / "torn.bag").write_bytes(b"#ROSBAG V2.0\nnothing")
-    with pytest.raises(SourceError, match=r"torn\.bag"):
+    with pytest.raises(InputError, match=r"torn\.bag"):
         read_bag(tmp_path / "torn.bag")
 
 
@@ -114,7 +114,7 @@ def test_a_chunk_that_would_fill_the_memory_is_refused(compression, honest, tmp_
         Chunk(compression, squeezed[compression](), 0, 0, 0, claimed).write(builder)
         stream.write(builder.end())
         stream.write(MCAP0_MAGIC)
-    with pytest.raises(SourceError, match=r"bomb\.mcap.*at most 134217728 bytes"):
+    with pytest.raises(InputError, match=r"bomb\.mcap.*at most 134217728 bytes"):
         read_bag(tmp_path / "bomb.mcap")
 
 
@@ -141,7 +141,7 @@ def test_what_is_compressed_inside_a_bag_is_unpacked_within_the_bound(kind, tmp_
     for whole in (path, *path.glob("*.db3")):  # also where no metadata.yaml says so
         check(read_bag(whole))
     monkeypatch.setattr(unpacking, "LARGEST_CHUNK_BYTES", 60)
-    with pytest.raises(SourceError, match=rf"{path.name}.*at most 60 bytes"):
+    with pytest.raises(InputError, match=rf"{path.name}.*at most 60 bytes"):
         read_bag(path)
 
 
@@ -156,7 +156,7 @@ def test_one_message_that_would_unpack_to_too_much_refuses_the_bag(tmp_path, mon
         within(size)
 
     monkeypatch.setattr(unpacking, "check_unpacked", checked)
-    with pytest.raises(SourceError, match=r"hall.*at most 60 bytes"):
+    with pytest.raises(InputError, match=r"hall.*at most 60 bytes"):
         read_bag(tmp_path / "hall")
     assert len(sizes) == 2
 
@@ -190,5 +190,5 @@ def test_a_bag_whose_tables_are_computed_is_refused(computed, tmp_path):
         base.execute(computed)
         base.commit()
     for path in (tmp_path / "hall", tmp_path / "hall" / "hall.db3"):
-        with pytest.raises(SourceError, match=r"hall.*nothing that is computed"):
+        with pytest.raises(InputError, match=r"hall.*nothing that is computed"):
             read_bag(path)

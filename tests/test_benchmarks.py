@@ -20,7 +20,7 @@ from benchmarks.ros import end
 from benchmarks.timing import keep, tell
 from pedpred.driving.measures import Measures
 from pedpred.driving.table import Condition, Row, write_table
-from pedpred.errors import FileError
+from pedpred.errors import InputError
 from pedpred.plain import parse_json
 from pedpred.training.distributed import ALONE
 from pedpred.training.loop import train_step
@@ -207,9 +207,9 @@ def test_tables_of_drives_have_the_places_where_their_methods_drove(tmp_path):
 def test_a_place_has_one_table_and_it_has_drives(tmp_path):
     for name, rows in (("one", drives("a", "modes")), ("other", drives("a", "kalman")), ("none", [])):
         write_table(tmp_path / f"{name}.csv", rows)
-    with pytest.raises(FileError, match=r"other\.csv: its place, a, is that of an earlier table"):
+    with pytest.raises(InputError, match=r"other\.csv: its place, a, is that of an earlier table"):
         driving_curves.driven_in([tmp_path / "one.csv", tmp_path / "other.csv"])
-    with pytest.raises(FileError, match=r"none\.csv: no drives are in it"):
+    with pytest.raises(InputError, match=r"none\.csv: no drives are in it"):
         driving_curves.driven_in([tmp_path / "none.csv"])
 
 

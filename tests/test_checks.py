@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.reading import read_recording
 from pedpred.reading.checks import check_speeds, speeds_mps
 from pedpred.reading.errors import ContentError
@@ -55,7 +55,7 @@ def test_times_and_words_without_a_header_say_which_column_they_are(tmp_path, id
 def test_where_the_order_stays_open_it_is_asked_for(tmp_path):
     rows = [(who, k, 0.5 * k, 0.5 * who) for who in range(9) for k in range(9)]
     (tmp_path / "walk.txt").write_text("\n".join(" ".join(map(str, row)) for row in rows))
-    with pytest.raises(SourceError, match="--columns id,frame,x,y, or --columns frame,id,x,y"):
+    with pytest.raises(InputError, match="--columns id,frame,x,y, or --columns frame,id,x,y"):
         read_recording(tmp_path / "walk.txt", ReadOptions(rate_hz=2.0))
     read_recording(tmp_path / "walk.txt", ReadOptions(columns=("id", "frame", "x", "y"), rate_hz=2.0))
 
@@ -64,7 +64,7 @@ def test_a_column_that_never_changes_is_no_position(tmp_path):
     rows = [(k, who, x, 0.0, y) for who, k, x, y in walkers(3, 20, 0)]
     (tmp_path / "obsmat.txt").write_text("\n".join(" ".join(map(str, row)) for row in rows))
     with pytest.raises(
-        SourceError, match=r"column 4 should be y, but it is 0 in all lines.*frame,id,x,height,y"
+        InputError, match=r"column 4 should be y, but it is 0 in all lines.*frame,id,x,height,y"
     ):
         read_recording(tmp_path / "obsmat.txt", ReadOptions(rate_hz=2.5))
 
@@ -99,7 +99,7 @@ def test_lengths_in_another_unit_are_refused_with_the_unit_and_read_where_it_is_
 def test_a_clock_that_does_not_count_seconds_is_recognised(tmp_path, factor, unit):
     lines = [f"{0.4 * factor * k},{who},{x},{y}" for who, k, x, y in walkers(3, 20, 0)]
     (tmp_path / "walk.csv").write_text("\n".join(["time,id,x,y", *lines]))
-    with pytest.raises(SourceError, match=unit):
+    with pytest.raises(InputError, match=unit):
         read_recording(tmp_path / "walk.csv")
 
 

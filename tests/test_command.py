@@ -14,7 +14,7 @@ from PIL import Image
 from pedpred.command import main
 from pedpred.command.conversion import read_any
 from pedpred.command.maps import map_at
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.reading import FORMATS
@@ -126,7 +126,7 @@ def assert_same_map(found, expected):
 def test_a_map_that_cannot_be_read_says_why(files, asked, message, tmp_path):
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
-    with pytest.raises(StorageError, match=message):
+    with pytest.raises(InputError, match=message):
         map_at(tmp_path / asked)
 
 
@@ -228,7 +228,7 @@ def test_what_counts_is_what_the_published_metrics_count():
 
 def test_a_map_of_a_type_that_is_not_read_is_named_beside_those_that_are(tmp_path):
     (tmp_path / "room.dxf").write_text("0\nSECTION\n")
-    with pytest.raises(StorageError, match=r"files of type \.dxf are not read.*map\.yaml.*\.xml, \.wkt"):
+    with pytest.raises(InputError, match=r"files of type \.dxf are not read.*map\.yaml.*\.xml, \.wkt"):
         map_at(tmp_path / "room.dxf")
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pedpred.errors import FileError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.metrics import METRICS, Metric
 from pedpred.report.comparison import changes, changes_table, metrics_at, metrics_now
 from tests.plain_git import git
@@ -121,7 +121,7 @@ def test_an_unknown_revision_is_named(repository):
 
 def test_a_folder_that_is_not_there_or_in_no_repository_is_named_and_not_the_revision(tmp_path):
     for folder in (tmp_path / "nowhere", tmp_path):
-        with pytest.raises(FileError, match=f"^{folder}: .*Name a folder of metrics in a git repository"):
+        with pytest.raises(InputError, match=f"^{folder}: .*Name a folder of metrics in a git repository"):
             metrics_at("HEAD", folder)
 
 

@@ -13,7 +13,7 @@ import yaml
 from omegaconf import OmegaConf
 
 from pedpred import config
-from pedpred.errors import ConfigError, StorageError, ValueRuleError
+from pedpred.errors import ConfigError, InputError, ValueRuleError
 from stages.config import SHARED_PARTS, write_shared
 from tests.configuration import read
 from tests.conftest import ROOT
@@ -342,8 +342,8 @@ def test_a_folder_that_a_stage_misses_is_named_with_the_remedy(folder, remedy):
 
 def test_there_is_one_remedy_for_a_damaged_file_of_a_stage():
     with pytest.raises(SystemExit) as ended, config.config_errors():
-        raise StorageError(Path("data/scene.json"), "size", "it is negative", "Write the scene again")
-    told = "StorageError: data/scene.json, size: it is negative"
+        raise InputError(Path("data/scene.json"), "size", "it is negative", "Write the scene again")
+    told = "InputError: data/scene.json, size: it is negative"
     assert ended.value.code == f"{told}. `dvc repro` writes it again"
 
 

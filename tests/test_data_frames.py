@@ -8,7 +8,7 @@ import pedpred
 from pedpred.command import main
 from pedpred.command.forecast_tables import COLUMNS
 from pedpred.command.foreign import read_forecasts
-from pedpred.errors import FileError, SourceError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.scenes import OccupancyMap
 from pedpred.storage.scenes import write_map
 
@@ -66,26 +66,26 @@ def test_a_map_changes_forecasts_and_may_be_a_path(tmp_path, forecasts):
 @pytest.mark.parametrize(
     ("change", "error", "named"),
     [
-        (lambda t: t.drop(columns="x"), SourceError, "table: no column for x; there are time, id, y"),
-        (lambda t: t.assign(time=t.time.where(t.index != 3)), SourceError, "row 4: time is missing"),
+        (lambda t: t.drop(columns="x"), InputError, "table: no column for x; there are time, id, y"),
+        (lambda t: t.assign(time=t.time.where(t.index != 3)), InputError, "row 4: time is missing"),
         (
             lambda t: t.assign(x=t.x.astype(object).where(t.index != 3, "here")),
-            SourceError,
+            InputError,
             "row 4: x = 'here'",
         ),
-        (lambda t: t.assign(id=1), SourceError, "row 2: id 0 is at another place"),
+        (lambda t: t.assign(id=1), InputError, "row 2: id 0 is at another place"),
         (
             lambda t: t.assign(type=["car", "person"] * 8, x=t.x.astype(object).where(t.index != 5, "here")),
-            SourceError,
+            InputError,
             "row 6: x = 'here'",
         ),
         (
             lambda t: t.rename(columns={"time": "frame"}).round().drop_duplicates(["frame", "id"]),
-            SourceError,
+            InputError,
             "rate",
         ),
-        (lambda t: t.assign(x=100 * t.x, y=100 * t.y), SourceError, "faster than people walk"),
-        (lambda t: t.assign(time=1000 * t.time), SourceError, "looks like milliseconds"),
+        (lambda t: t.assign(x=100 * t.x, y=100 * t.y), InputError, "faster than people walk"),
+        (lambda t: t.assign(time=1000 * t.time), InputError, "looks like milliseconds"),
     ],
 )
 def test_what_is_wrong_with_a_frame_is_said(change, error, named):
@@ -206,7 +206,7 @@ def test_numbers_that_a_file_is_told_to_have_still_mean_its_people(tmp_path, cap
 )
 def test_what_is_wrong_with_forecasts_in_parquet_is_said(tmp_path, forecasts, change, named):
     forecasts.assign(**change).to_parquet(tmp_path / "theirs.parquet")
-    with pytest.raises(FileError, match=rf"theirs\.parquet.*{named}"):
+    with pytest.raises(InputError, match=rf"theirs\.parquet.*{named}"):
         read_forecasts(tmp_path / "theirs.parquet", None)
 
 
@@ -222,7 +222,7 @@ def test_whole_numbers_in_parquet_may_be_of_any_type(tmp_path, forecasts, kind):
 
 def test_a_column_that_is_missing_in_parquet_is_named(tmp_path, forecasts):
     forecasts.drop(columns="x").to_parquet(tmp_path / "theirs.parquet")
-    with pytest.raises(SourceError, match="no column x"):
+    with pytest.raises(InputError, match="no column x"):
         read_forecasts(tmp_path / "theirs.parquet", None)
 
 

@@ -4,21 +4,21 @@ from pathlib import Path
 
 import pytest
 
-from pedpred.errors import ConfigError, ShapeError, SourceError, StorageError, ValueRuleError
+from pedpred.errors import ConfigError, InputError, ShapeError, ValueRuleError
 
 
 @pytest.mark.parametrize(
     ("error", "facts"),
     [
         (
-            SourceError(Path("a.csv"), 3, "too short"),
-            {"path": Path("a.csv"), "line": 3, "problem": "a.csv, line 3: too short"},
+            InputError(Path("a.csv"), 3, "too short"),
+            {"path": Path("a.csv"), "where": 3, "problem": "a.csv, line 3: too short"},
         ),
         (
-            StorageError(Path("a.parquet"), "column x_m", "it is missing", "Write it again"),
+            InputError(Path("a.parquet"), "column x_m", "it is missing", "Write it again"),
             {
                 "path": Path("a.parquet"),
-                "field": "column x_m",
+                "where": "column x_m",
                 "problem": "a.parquet, column x_m: it is missing",
             },
         ),
@@ -35,12 +35,12 @@ def test_an_error_holds_what_its_message_names(error, facts):
 
 
 def _refuse(number):
-    raise SourceError(Path(f"place_{number}.txt"), number, "damaged")
+    raise InputError(Path(f"place_{number}.txt"), number, "damaged")
 
 
 def test_a_damaged_file_that_a_worker_meets_is_named(monkeypatch):
     from pedpred.workers import in_parallel
 
     monkeypatch.setenv("PEDPRED_JOBS", "2")
-    with pytest.raises(SourceError, match=r"place_\d\.txt, line \d: damaged"):
+    with pytest.raises(InputError, match=r"place_\d\.txt, line \d: damaged"):
         in_parallel(_refuse, [(n,) for n in range(3)], "read", "file")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.sources.eth_ucy import read_text
 from tests.worlds import EXCERPT, recorded
 
@@ -53,7 +53,7 @@ def test_frames_become_seconds_and_the_map_is_free(tmp_path):
     ],
 )
 def test_a_wrong_row_is_named(tmp_path, rows, message):
-    with pytest.raises(SourceError, match=message.replace("(", r"\(")):
+    with pytest.raises(InputError, match=message.replace("(", r"\(")):
         read_text(write_street(tmp_path, rows), "street", SETTINGS)
 
 

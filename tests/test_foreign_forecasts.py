@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pedpred.command import trajnet
 from pedpred.command.forecast_tables import COLUMNS, write_forecasts
 from pedpred.command.foreign import ForeignForecasts, read_forecasts
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.scenes import Predictions
 from tests.forecasts import windows_with
 
@@ -37,7 +37,7 @@ def test_rows_that_share_no_mode_and_no_step_are_refused_in_bounded_memory(table
     path = table([(1, 0.0, number, 1.0, number, 0.0, 0.0) for number in range(1, 3000)])
     tracemalloc.start()
     try:
-        with pytest.raises(SourceError, match="needs each step from 1 to 2999 once in each of 2999 modes"):
+        with pytest.raises(InputError, match="needs each step from 1 to 2999 once in each of 2999 modes"):
             read_forecasts(path, None)
         assert tracemalloc.get_traced_memory()[1] < 20e6
     finally:
@@ -71,7 +71,7 @@ def predicted(scenes, fps, path):
 @pytest.mark.parametrize("fps", [0, -1, 1e-320, 1e308, float("inf"), float("nan")])
 def test_a_rate_that_no_camera_has_is_refused(fps, tmp_path):
     rule = "them.ndjson, line 1: .* is not a number" if np.isinf(fps) else "fps of the scenes"
-    with pytest.raises(SourceError, match=rule):
+    with pytest.raises(InputError, match=rule):
         read_forecasts(predicted(1, fps, tmp_path / "them.ndjson"), None)
 
 
@@ -86,7 +86,7 @@ def test_neighbours_may_have_no_position_and_others_must(nowhere, tmp_path):
     found = read_forecasts(path, None)
     np.testing.assert_array_equal(found.time_s, wanted.time_s)
     path.write_text(f"{text}\n{lost % 1}")
-    with pytest.raises(SourceError, match=r"line \d+: a prediction of the pedestrian.*has no position"):
+    with pytest.raises(InputError, match=r"line \d+: a prediction of the pedestrian.*has no position"):
         read_forecasts(path, None)
 
 
@@ -109,7 +109,7 @@ def test_scenes_may_lie_between_the_frames_of_others(later, tmp_path):
 def test_the_number_of_scenes_is_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr(trajnet, "_MOST_SCENES", 3)
     assert len(read_forecasts(predicted(3, 2.5, tmp_path / "them.ndjson"), None).time_s) == 3
-    with pytest.raises(SourceError, match="line 4: more than 3 scenes"):
+    with pytest.raises(InputError, match="line 4: more than 3 scenes"):
         read_forecasts(predicted(4, 2.5, tmp_path / "them.ndjson"), None)
 
 

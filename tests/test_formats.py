@@ -9,7 +9,7 @@ import pedpy
 import pytest
 
 from pedpred.command import main
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.reading import FORMATS, format_of, read_recording
 from pedpred.reading.options import ReadOptions
 from pedpred.storage.scenes import read_scene
@@ -87,13 +87,13 @@ def test_every_format_bounds_what_it_reads(tmp_path, monkeypatch, name):
     monkeypatch.setattr("pedpred.reading.formats.jupedsim._MOST_ROWS", 5)
     monkeypatch.setattr("pedpred.reading.formats.jupedsim._BLOCK_ROWS", 5)
     if name != "Pedestrian Dynamics Data Archive":  # another process
-        with pytest.raises(SourceError, match=r"more than \d+ (rows|detections)"):
+        with pytest.raises(InputError, match=r"more than \d+ (rows|detections)"):
             read_recording(path, OPTIONS.get(name))
 
 
 @pytest.mark.parametrize("name", BINARY)
 def test_columns_that_a_file_names_are_not_named_again(tmp_path, name):
-    with pytest.raises(SourceError, match=f"this is {name}, whose columns are known"):
+    with pytest.raises(InputError, match=f"this is {name}, whose columns are known"):
         read_recording(WRITERS[name](tmp_path), ReadOptions(columns=("time", "id", "x", "y")))
 
 
@@ -131,7 +131,7 @@ def test_what_is_wrong_with_a_text_is_said(tmp_path, write, old, new, named):
     assert old in text
     path.write_text(text.replace(old, new) if old == '"Pedestrian"' else text.replace(old, new, 1))
     pixels = write in (write_stanford, write_vsp)
-    with pytest.raises(SourceError, match=rf"{re.escape(str(path))}.*{named}"):
+    with pytest.raises(InputError, match=rf"{re.escape(str(path))}.*{named}"):
         read_recording(path, ReadOptions(pixel_m=PIXEL_M) if pixels else None)
 
 
@@ -152,14 +152,14 @@ def test_what_is_wrong_with_a_database_is_said(tmp_path, statement, named):
     database = sqlite3.connect(path)
     database.executescript(statement)
     database.close()
-    with pytest.raises(SourceError, match=rf"simulation\.sqlite: .*{named}"):
+    with pytest.raises(InputError, match=rf"simulation\.sqlite: .*{named}"):
         read_recording(path)
 
 
 def test_a_database_that_is_still_written_is_refused(tmp_path):
     path = write_jupedsim(tmp_path)
     (tmp_path / "simulation.sqlite-wal").write_bytes(b"pages")
-    with pytest.raises(SourceError, match="still being written"):
+    with pytest.raises(InputError, match="still being written"):
         read_recording(path)
 
 
@@ -192,7 +192,7 @@ def cut(path):
 def test_an_archive_that_is_not_as_it_should_be_is_refused(tmp_path, change, message):
     path = write_archive(tmp_path)
     change(path)
-    with pytest.raises(SourceError, match=message):
+    with pytest.raises(InputError, match=message):
         read_recording(path)
 
 
@@ -214,7 +214,7 @@ def test_an_archive_that_is_not_as_it_should_be_is_refused(tmp_path, change, mes
 )
 def test_what_is_not_read_is_named(tmp_path, raw, named):
     (tmp_path / "walk.csv").write_bytes(raw)
-    with pytest.raises(SourceError, match=rf"walk\.csv: .*{named}"):
+    with pytest.raises(InputError, match=rf"walk\.csv: .*{named}"):
         read_recording(tmp_path / "walk.csv")
 
 
@@ -232,7 +232,7 @@ def test_another_rate_than_that_of_the_file_is_refused(tmp_path, write):
     path = write(tmp_path)
     assert len(people_in(path, ReadOptions(rate_hz=4.99999))) == len(PEOPLE), "fewer digits"
     with pytest.raises(
-        SourceError, match=r"the file says 5 frames per second, and --rate 4.*Leave --rate out"
+        InputError, match=r"the file says 5 frames per second, and --rate 4.*Leave --rate out"
     ):
         read_recording(path, ReadOptions(rate_hz=4.0))
 
@@ -240,25 +240,25 @@ def test_another_rate_than_that_of_the_file_is_refused(tmp_path, write):
 @pytest.mark.parametrize("write", [write_jupedsim, write_archive, write_kitti])
 def test_the_rate_is_asked_for_where_no_file_says_it(tmp_path, write):
     file = write(tmp_path) if write is write_kitti else write(tmp_path, fps=None)
-    with pytest.raises(SourceError, match=r"nobody says the frame rate.*--rate"):
+    with pytest.raises(InputError, match=r"nobody says the frame rate.*--rate"):
         read_recording(file)
     assert read_recording(file, ReadOptions(rate_hz=5.0)).scene.detection_dt_s == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize("write", [write_qtm, write_sumo, write_viswalk, write_atc])
 def test_a_rate_for_a_file_with_times_is_refused(tmp_path, write):
-    with pytest.raises(SourceError, match=r"the file has times\. Leave --rate out"):
+    with pytest.raises(InputError, match=r"the file has times\. Leave --rate out"):
         read_recording(write(tmp_path), ReadOptions(rate_hz=4.0))
 
 
 def test_a_unit_or_a_scale_that_differs_from_that_of_the_format_is_refused(tmp_path):
-    with pytest.raises(SourceError, match=r"pixels.*--scale 0\.03"):
+    with pytest.raises(InputError, match=r"pixels.*--scale 0\.03"):
         read_recording(write_stanford(tmp_path))
     with pytest.raises(
-        SourceError, match="lengths are said to be m, and by --scale and --homography to be px"
+        InputError, match="lengths are said to be m, and by --scale and --homography to be px"
     ):
         read_recording(write_sumo(tmp_path), ReadOptions(pixel_m=0.1))
-    with pytest.raises(SourceError, match="lengths are said to be mm, and by --unit to be cm"):
+    with pytest.raises(InputError, match="lengths are said to be mm, and by --unit to be cm"):
         read_recording(write_atc(tmp_path), ReadOptions(unit="cm"))
 
 
@@ -293,7 +293,7 @@ def test_hdf5_of_jupedsim_has_its_time_step_and_its_regions(tmp_path, parts):
     np.testing.assert_allclose(scene.trajectories.position, whole.trajectories.position, atol=1e-6)
     np.testing.assert_allclose(scene.trajectories.time_s, whole.trajectories.time_s)
     np.testing.assert_array_equal(scene.occupancy.occupied, whole.occupancy.occupied)
-    with pytest.raises(SourceError, match=r"schema_version 3 .* is not known, only 1, 2"):
+    with pytest.raises(InputError, match=r"schema_version 3 .* is not known, only 1, 2"):
         read_recording(write_schema(tmp_path, version=3))
 
 
@@ -311,20 +311,20 @@ def test_longitude_and_latitude_of_sumo_are_not_metres(tmp_path):
     degrees = [(k, who, 11.5 + x * 1e-5, 48.1 + y * 1e-5) for k, who, x, y in ROWS]
     path = write_sumo(tmp_path, degrees)
     path.write_text(path.read_text().replace('.00" angle', '.00001" angle'))
-    with pytest.raises(SourceError, match=r"longitude.*fcd-output\.geo"):
+    with pytest.raises(InputError, match=r"longitude.*fcd-output\.geo"):
         read_recording(path)
 
 
 def test_the_files_of_a_drone_recording_lie_together(tmp_path):
     path = write_drone(tmp_path)
     (tmp_path / "00_recordingMeta.csv").unlink()
-    with pytest.raises(SourceError, match="--rate"):
+    with pytest.raises(InputError, match="--rate"):
         read_recording(path)
     assert len(people_in(path, ReadOptions(rate_hz=5.0))) == len(PEOPLE)
     (tmp_path / "00_tracksMeta.csv").unlink()
-    with pytest.raises(SourceError, match=r"00_tracksMeta\.csv: the file is missing.*lie together"):
+    with pytest.raises(InputError, match=r"00_tracksMeta\.csv: the file is missing.*lie together"):
         read_recording(path)
-    with pytest.raises(SourceError, match=r"walk\.csv.*name of this one.*NN_tracks\.csv"):
+    with pytest.raises(InputError, match=r"walk\.csv.*name of this one.*NN_tracks\.csv"):
         read_recording(path.rename(path.with_name("walk.csv")))
 
 

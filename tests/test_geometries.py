@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.command import main
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.reading.geometry import Geometry, occupancy_of, read_walls
 from pedpred.reading.geometry.raster import cut_doors
 
@@ -210,7 +210,7 @@ def test_ground_may_stand_in_a_hole_and_walls_on_ground(tmp_path):
     ],
 )
 def test_text_that_is_no_geometry_is_refused_with_what_to_write(text, problem, tmp_path):
-    with pytest.raises(SourceError, match=f"(?s)hall.wkt: .*{problem}.*Write the ground as POLYGON"):
+    with pytest.raises(InputError, match=f"(?s)hall.wkt: .*{problem}.*Write the ground as POLYGON"):
         map_of(tmp_path, text)
 
 
@@ -231,7 +231,7 @@ def test_doors_in_every_wall_end_in_bounded_time():
 
 def test_a_project_file_is_refused_with_what_to_give(tmp_path):
     with pytest.raises(
-        SourceError, match=r"line 1: .*<JuPedSim>, expected <geometry>. Give the geometry file"
+        InputError, match=r"line 1: .*<JuPedSim>, expected <geometry>. Give the geometry file"
     ):
         map_of(tmp_path, "<JuPedSim><geometry>hall.xml</geometry></JuPedSim>")
 

@@ -10,7 +10,7 @@ import onnx.helper as make
 import pytest
 from onnx import TensorProto
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.online import OnlinePredictor, graph
 from pedpred.online.network import read_description, write_description
 from tests.conftest import ROOT
@@ -122,7 +122,7 @@ def test_a_graph_that_would_not_end_or_fills_the_memory_is_refused_by_name(
 ):
     nodes, weights, problem = STRANGE[kind]
     strange(model, tmp_path, nodes, weights)
-    with pytest.raises(StorageError, match=rf"network\.onnx, graph.*(?:{problem})"):
+    with pytest.raises(InputError, match=rf"network\.onnx, graph.*(?:{problem})"):
         OnlinePredictor.load(tmp_path)
 
 
@@ -131,7 +131,7 @@ def test_functions_that_call_each_other_are_refused(model, tmp_path):
     ten = [make.make_node("f0", ["x"], ["y"], domain="own")] * 10
     functions = [make.make_function("own", "f1", ["x"], ["y"], ten, sets)]
     strange(model, tmp_path, [], [], functions)
-    with pytest.raises(StorageError, match=r"network\.onnx, graph.*functions"):
+    with pytest.raises(InputError, match=r"network\.onnx, graph.*functions"):
         OnlinePredictor.load(tmp_path)
 
 
@@ -139,7 +139,7 @@ def test_a_graph_that_takes_long_is_stopped(model, tmp_path, monkeypatch):
     """It would take minutes."""
     monkeypatch.setattr(graph, "_LONGEST_TRIAL_S", 0.2)
     strange(model, tmp_path, *squares(3000, 800))
-    with pytest.raises(StorageError, match=r"network\.onnx, graph.*terminate"):
+    with pytest.raises(InputError, match=r"network\.onnx, graph.*terminate"):
         OnlinePredictor.load(tmp_path)
     assert not [thread for thread in threading.enumerate() if isinstance(thread, threading.Timer)]
 
@@ -150,7 +150,7 @@ def test_memory_that_grows_with_people_has_a_bound(model, tmp_path, little_memor
     robot = OnlinePredictor.load(tmp_path)
     people = np.random.default_rng(0).uniform(-20.0, 20.0, (300, 2))
     assert len(robot.update(0.0, range(3), people[:3]).track_id) == 3
-    with pytest.raises(StorageError, match=r"network\.onnx, graph.*(?:memory|requested).*most_people"):
+    with pytest.raises(InputError, match=r"network\.onnx, graph.*(?:memory|requested).*most_people"):
         robot.update(0.3, range(300), people)
     assert len(robot.update(0.6, range(3), people[:3]).track_id) >= 3
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.command import main
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.reading.geometry import Geometry, occupancy_of, read_walls
 from pedpred.sources.jupedsim import read_laboratory, read_tracks
 from pedpred.storage.scenes import read_scene
@@ -108,7 +108,7 @@ def test_ways_to_say_the_unit(folder, comment, unit_m):
 
 def test_a_missing_frame_rate_may_be_given(folder):
     change("hall.txt", "framerate: 16", "nothing")(folder)
-    with pytest.raises(SourceError, match=r"hall\.txt: nobody says the frame rate.*frame_rate_hz"):
+    with pytest.raises(InputError, match=r"hall\.txt: nobody says the frame rate.*frame_rate_hz"):
         read_laboratory(folder, "mine", SETTINGS)
     scene = read_laboratory(folder, "mine", SETTINGS | {"frame_rate_hz": 8})
     assert scene.detection_dt_s == 0.5
@@ -152,7 +152,7 @@ GEOMETRY = [
 
 def refused(folder, file, line, named):
     where = re.escape(str(folder / file) + ("" if line is None else f", line {line}"))
-    return pytest.raises(SourceError, match=f"^{where}: .*{named}")
+    return pytest.raises(InputError, match=f"^{where}: .*{named}")
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def test_missing_and_unreadable_files_are_named(folder, file):
 def test_entities_are_refused_before_they_grow(folder):
     bomb = '<!DOCTYPE geometry [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]><geometry unit="&b;"/>'
     (folder / "hall.xml").write_text(bomb)
-    with pytest.raises(SourceError, match="line 1: a document type, which could define entities"):
+    with pytest.raises(InputError, match="line 1: a document type, which could define entities"):
         read_walls(folder / "hall.xml")
 
 

@@ -7,7 +7,7 @@ import os
 import numpy as np
 import pytest
 
-from pedpred.errors import OutputError, StorageError, ValueRuleError
+from pedpred.errors import InputError, OutputError, ValueRuleError
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import digest_of
 from pedpred.online.warming import warm_up
@@ -138,7 +138,7 @@ def test_a_file_that_is_not_one_of_this_network_is_refused_and_nothing_changes(
     visited.save_place(path)
     about = json.loads(path.read_text())
     path.write_text(json.dumps(damaged(about, *where, value=value)))
-    with pytest.raises(StorageError, match=rf"hall.json.*{problem}"):
+    with pytest.raises(InputError, match=rf"hall.json.*{problem}"):
         visited.load_place(path)
     visited.save_place(path)
     assert json.loads(path.read_text()) == about
@@ -151,9 +151,9 @@ def test_an_edited_file_is_refused(visited, tmp_path):
     visited.save_place(path)
     about = json.loads(path.read_text())
     path.write_text(json.dumps(about | {"network_sha256": "other"}))
-    with pytest.raises(StorageError, match="not those that were written"):
+    with pytest.raises(InputError, match="not those that were written"):
         visited.load_place(path)
-    with pytest.raises(StorageError, match=r"nowhere\.json"):
+    with pytest.raises(InputError, match=r"nowhere\.json"):
         visited.load_place(tmp_path / "nowhere.json")
 
 

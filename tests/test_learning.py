@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.datasets import stream_lanes
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.models import ARCHITECTURES
 from pedpred.models.contract import Loss, detach, mean_over, reset, velocity_distance
 from pedpred.models.lstm.autoencoder import (
@@ -306,10 +306,10 @@ def test_checkpoint_round_trip_and_damage(tmp_path):
     assert other.settings == SMALL
     assert same_weights(network, other)
     wider = dataclasses.replace(SMALL, joint=17).build(WIDTHS, 4)
-    with pytest.raises(StorageError, match="weights"):
+    with pytest.raises(InputError, match="weights"):
         load_weights(wider, weights, tmp_path)
     (tmp_path / "weights.safetensors").write_bytes(b"\x08")
-    with pytest.raises(StorageError, match=r"weights\.safetensors"):
+    with pytest.raises(InputError, match=r"weights\.safetensors"):
         read_checkpoint(tmp_path)
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from pedpred.command.maps import map_at
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.geometry import rotate
 from pedpred.storage.maps import read_map, read_map_file
 from pedpred.storage.pixels import blocked_cells, blocked_greys
@@ -170,14 +170,14 @@ def test_a_large_picture_is_read_in_blocks_of_rows():
 @pytest.mark.parametrize("kind", [np.int32, np.float32])
 def test_a_tiff_whose_range_is_unknown_is_refused(kind, tmp_path):
     path = write(tmp_path, Image.fromarray(GREYS.astype(kind)), "x.tif", image="x.tif")
-    with pytest.raises(StorageError, match=r"x\.tif.*save the picture with 8 bits per channel"):
+    with pytest.raises(InputError, match=r"x\.tif.*save the picture with 8 bits per channel"):
         read_map_file(path)
 
 
 def test_fractions_are_refused(tmp_path):
     Image.fromarray(np.zeros((2, 2), np.float32)).save(tmp_path / "plain.pfm")
     (tmp_path / "map.yaml").write_text(yaml.safe_dump(ABOUT | {"image": "plain.pfm"}))
-    with pytest.raises(StorageError, match=r"plain\.pfm.*8 bits per channel"):
+    with pytest.raises(InputError, match=r"plain\.pfm.*8 bits per channel"):
         read_map(tmp_path)
 
 
@@ -248,7 +248,7 @@ def test_no_file_outside_the_folder_is_read_and_the_remedy_works(image, tmp_path
     if isinstance(image, str):
         image = image.replace("{outside}", str(tmp_path))
     path.write_text(yaml.safe_dump(ABOUT | {"image": image}))
-    with pytest.raises(StorageError, match=r"map\.yaml, image: .*image: \S+$") as error:
+    with pytest.raises(InputError, match=r"map\.yaml, image: .*image: \S+$") as error:
         read_map_file(path)
     name = str(error.value).rsplit("image: ", 1)[1]
     (path.parent / name).unlink(missing_ok=True)
@@ -315,7 +315,7 @@ def test_negate_turns_bright_and_dark(yes, tmp_path):
     ],
 )
 def test_what_has_another_meaning_is_refused_with_what_to_write(changed, message, tmp_path):
-    with pytest.raises(StorageError, match=f"(?i){message}"):
+    with pytest.raises(InputError, match=f"(?i){message}"):
         read_map_file(write(tmp_path, **changed))
 
 
@@ -325,7 +325,7 @@ def test_what_is_missing_is_named_with_what_is_usual(key, tmp_path):
     path.write_text(
         yaml.safe_dump({name: value for name, value in ABOUT.items() if name != key} | {"mode": "scale"})
     )
-    with pytest.raises(StorageError, match=f"'{key}' is missing. Add it, such as {key}: ") as error:
+    with pytest.raises(InputError, match=f"'{key}' is missing. Add it, such as {key}: ") as error:
         read_map_file(path)
     Image.fromarray(GREY).save(tmp_path / "map.pgm")
     path.write_text(path.read_text() + str(error.value).split("such as ")[1] + "\n")
@@ -335,7 +335,7 @@ def test_what_is_missing_is_named_with_what_is_usual(key, tmp_path):
 @pytest.mark.parametrize("name", ["map.gif", "map.webp"])
 def test_a_picture_of_another_kind_is_to_be_converted(tmp_path, name):
     write(tmp_path, name=name, image=name)
-    with pytest.raises(StorageError, match=rf"{name}.*of another kind than PNG, .*convert it to PNG"):
+    with pytest.raises(InputError, match=rf"{name}.*of another kind than PNG, .*convert it to PNG"):
         read_map(tmp_path)
 
 
@@ -372,14 +372,12 @@ def test_a_quarter_turn_keeps_the_cells_of_a_map(tmp_path):
     ],
 )
 def test_what_is_wrong_with_a_turned_map_is_said(changed, message, tmp_path):
-    with pytest.raises(StorageError, match=message):
+    with pytest.raises(InputError, match=message):
         map_at(write(tmp_path, **{"origin": [0, 0, 0.3]} | changed))
 
 
 def test_a_yaw_in_degrees_is_noticed(tmp_path):
-    with pytest.raises(
-        StorageError, match=r"yaw = 90 rad is more than two turns: is it in degrees\?.*radians"
-    ):
+    with pytest.raises(InputError, match=r"yaw = 90 rad is more than two turns: is it in degrees\?.*radians"):
         map_at(write(tmp_path, origin=[0.0, 0.0, 90]))
     assert map_at(write(tmp_path, origin=[0.0, 0.0, -2.0 * math.pi])).occupied.any()
 
@@ -392,6 +390,6 @@ def test_thresholds_that_look_exchanged_are_warned_about(tmp_path, caplog):
 def test_a_folder_without_map_yaml_says_which_maps_it_has(tmp_path):
     write(tmp_path).rename(tmp_path / "floor.yaml")
     with pytest.raises(
-        StorageError, match=r"no map.yaml in the folder, only \['floor.yaml'\].*--map .*floor.yaml"
+        InputError, match=r"no map.yaml in the folder, only \['floor.yaml'\].*--map .*floor.yaml"
     ):
         map_at(tmp_path)

@@ -19,7 +19,7 @@ from benchmarks.timing import used
 from pedpred.datasets.crops import CropSplit, crops_of
 from pedpred.datasets.lanes import SplitSettings, split_sequences
 from pedpred.datasets.rows import load_sequences
-from pedpred.errors import ShapeError, StorageError, ValueRuleError
+from pedpred.errors import InputError, ShapeError, ValueRuleError
 from pedpred.features import FeatureTable, extract_blocks
 from pedpred.storage import mapped
 from pedpred.storage.mapped import MappedRows
@@ -157,7 +157,7 @@ def test_a_cut_shard_is_named(stored, tmp_path):
             (folder / name).parent.mkdir(exist_ok=True)
             (folder / name).write_bytes(whole[: len(whole) // 2] if name == part else whole)
         write_manifest(folder, LSTM_ROWS, {"a": stored / "scenes" / "a"})
-        with pytest.raises(StorageError, match=part):
+        with pytest.raises(InputError, match=part):
             load_sequences({"a": folder}, {"a": folder / "embeddings"})
     assert not any(Path("build").iterdir())
 

@@ -12,7 +12,7 @@ import onnx
 import pytest
 import torch
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.models.export import store_half
 from pedpred.online import OnlinePredictor, OnlineSettings, shipped
 from pedpred.online.caution import moving_shares, shorten_paths
@@ -119,7 +119,7 @@ def test_a_copy_of_another_network_is_refused(model, tmp_path):
     graph = onnx.load(tmp_path / "model" / "network.onnx")
     graph.producer_name = "another"
     onnx.save(graph, tmp_path / "model" / "network.onnx")
-    with pytest.raises(StorageError, match=r"network\.onnx, checksum: it is another network"):
+    with pytest.raises(InputError, match=r"network\.onnx, checksum: it is another network"):
         pickle.loads(sent)  # noqa: S301 (of our own making)
 
 
@@ -137,11 +137,11 @@ def test_an_altered_model_folder_is_refused(model, tmp_path):
     for named, changed in changes.items():
         for name, raw in (whole | changed).items():
             (tmp_path / name).write_bytes(raw)
-        with pytest.raises(StorageError, match=named):
+        with pytest.raises(InputError, match=named):
             OnlinePredictor.load(tmp_path)
     (tmp_path / "model.json").write_bytes(whole["model.json"])
     (tmp_path / "network.onnx").unlink()
-    with pytest.raises(StorageError, match=r"network\.onnx"):
+    with pytest.raises(InputError, match=r"network\.onnx"):
         OnlinePredictor.load(tmp_path)
 
 
@@ -169,7 +169,7 @@ def test_weights_in_other_files_are_refused(model, tmp_path, monkeypatch):
     onnx.save_model(graph, tmp_path / "network.onnx", save_as_external_data=True, location="weights.bin")
     write_description(tmp_path, OnlinePredictor.load(model[0]).description, {})
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(StorageError, match=r"network\.onnx, graph.*weights\.bin"):
+    with pytest.raises(InputError, match=r"network\.onnx, graph.*weights\.bin"):
         OnlinePredictor.load(tmp_path)
 
 

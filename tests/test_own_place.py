@@ -20,7 +20,7 @@ from omegaconf import OmegaConf
 from PIL import Image
 
 from pedpred import config
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.files import write_json
 from pedpred.models.registry import parse_settings
 from pedpred.ros import read_recording
@@ -214,7 +214,7 @@ def test_figures_stay_while_nothing_is_evaluated(project):
         ("gather", f"data/scores/baselines/{project['comparison']['reference']}", {"name": "real"}),
         ("gather_literature", f"data/literature/{next(iter(project['literature']['folds']))}", {}),
     ):
-        with pytest.raises(StorageError, match=f"^{folder}, scores: there are none"):
+        with pytest.raises(InputError, match=f"^{folder}, scores: there are none"):
             run(stage, project, **arguments)
     assert not Path("reports/metrics").exists()
 

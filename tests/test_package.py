@@ -11,7 +11,7 @@ import yaml
 import pedpred
 from benchmarks.dependencies import closure, declared
 from pedpred.command import main
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.online import OnlinePredictor, shipped
 from tests.conftest import ROOT
 
@@ -86,7 +86,7 @@ def test_a_wheel_is_not_built_without_the_default_model(tmp_path):
 def test_without_a_default_model_the_error_says_how_to_get_one(tmp_path, monkeypatch):
     monkeypatch.setattr(shipped, "_INSTALLED", tmp_path / "installed")
     monkeypatch.setattr(shipped, "_CHECKOUT", tmp_path / "checkout")
-    with pytest.raises(StorageError, match=r"the default model is missing.*get the default one with git"):
+    with pytest.raises(InputError, match=r"the default model is missing.*get the default one with git"):
         OnlinePredictor.load()
 
 

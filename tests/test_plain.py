@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from pedpred.command.prediction import read_tracker
-from pedpred.errors import ConfigError, FileError, PedpredError, StorageError, ValueRuleError, brief
+from pedpred.errors import ConfigError, InputError, PedpredError, ValueRuleError, brief
 from pedpred.files import read_json
 from pedpred.plain import parse_yaml
 from pedpred.ros import read_bag
@@ -145,8 +145,8 @@ def test_a_key_that_is_there_twice_is_named(text):
 )
 def test_json_of_two_meanings_is_refused_by_name(text, tmp_path):
     (tmp_path / "x.json").write_text(text)
-    with pytest.raises(FileError, match=r"x\.json") as refused:
-        read_json(tmp_path / "x.json", partial(StorageError, tmp_path / "x.json", "file"))
+    with pytest.raises(InputError, match=r"x\.json") as refused:
+        read_json(tmp_path / "x.json", partial(InputError, tmp_path / "x.json", "file"))
     assert len(str(refused.value)) < LONGEST
 
 

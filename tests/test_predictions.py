@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.errors import ShapeError, StorageError, ValueRuleError
+from pedpred.errors import InputError, ShapeError, ValueRuleError
 from pedpred.evaluation.forecasts import read_windows, write_windows
 from pedpred.geometry import rotate
 from pedpred.metrics import METRICS
@@ -154,7 +154,7 @@ def test_forecasts_that_break_a_rule_are_refused_with_the_name_of_their_file(tmp
     table = pq.read_table(path)
     about = {key: raw.replace(b'"dt_s": 0.3', b'"dt_s": -0.3') for key, raw in table.schema.metadata.items()}
     pq.write_table(table.replace_schema_metadata(about), path)
-    with pytest.raises(StorageError, match=r"hall\.parquet.*dt_s = -0\.3"):
+    with pytest.raises(InputError, match=r"hall\.parquet.*dt_s = -0\.3"):
         read_windows(path)
 
 
@@ -162,5 +162,5 @@ def test_a_missing_column_is_named(tmp_path):
     path = tmp_path / "hall.parquet"
     write_windows(windows_with(np.zeros((5, 2)), np.zeros((5, 4, 2)), {}), path)
     pq.write_table(pq.read_table(path).drop_columns(["heading_rad"]), path)
-    with pytest.raises(StorageError, match="heading_rad"):
+    with pytest.raises(InputError, match="heading_rad"):
         read_windows(path)

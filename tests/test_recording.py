@@ -13,7 +13,7 @@ from mcap_ros2.decoder import DecoderFactory
 from mcap_ros2.writer import Writer
 from PIL import Image, ImageSequence
 
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.geometry import rotate
 from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.report.animation import Animation, busiest_start, positions_at, write_animation
@@ -195,7 +195,7 @@ def test_a_recording_cut_at_any_byte_is_read_up_to_there(tmp_path, monkeypatch):
         try:
             with pytest.warns(UserWarning, match=f"cut.* of {end}$"):
                 found.append(len(read_recording(path).trajectories))
-        except SourceError:
+        except InputError:
             assert not found, "an error only where nothing of map or people lies before the cut"
     assert found == sorted(found)
     assert len(set(found)) > 3
@@ -209,7 +209,7 @@ def test_altered_bytes_are_noticed(tmp_path):
     middle = raw.index(b"\x28\xb5\x2f\xfd") + 200  # in the first compressed chunk
     raw[middle] ^= 0xFF
     path.write_bytes(raw)
-    with pytest.raises(SourceError, match="damaged"):
+    with pytest.raises(InputError, match="damaged"):
         read_recording(path)
 
 
@@ -226,7 +226,7 @@ def test_a_recording_of_something_else_is_named(tmp_path, topics, message):
     with path.open("wb") as stream, Writer(stream) as writer:
         for topic, kind in topics.items():
             writer.write_message(topic, writer.register_msgdef(kind, definition(kind)), {}, log_time=0)
-    with pytest.raises(SourceError, match=message):
+    with pytest.raises(InputError, match=message):
         read_recording(path)
 
 
@@ -271,7 +271,7 @@ def test_what_is_not_known_of_everybody_is_unknown(tmp_path, caplog, velocity):
 @pytest.mark.parametrize("raw", [b"", b"PK\x03\x04 something else"])
 def test_a_file_of_another_kind_is_named(tmp_path, raw):
     (tmp_path / "x.mcap").write_bytes(raw)
-    with pytest.raises(SourceError, match="no MCAP file"):
+    with pytest.raises(InputError, match="no MCAP file"):
         read_recording(tmp_path / "x.mcap")
 
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from benchmarks import pages
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.fields import parsed
 from pedpred.geometry import Homography, rotate
 from pedpred.metrics import METRICS, Metric
@@ -299,7 +299,7 @@ def test_a_measure_that_is_missing_is_named(tmp_path):
     assert read_metrics(path) == scenes
     del scenes["sim_test"]["cv"]["tracks"]
     path.write_text(json.dumps(scenes))
-    with pytest.raises(StorageError, match="sim_test/cv/tracks"):
+    with pytest.raises(InputError, match="sim_test/cv/tracks"):
         read_metrics(path)
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.sources.scene_folder import read_own
 from pedpred.storage.scenes import (
@@ -83,7 +83,7 @@ def test_a_folder_of_scenes_is_a_set(folder):
 
 
 def test_no_scene_is_an_error(tmp_path):
-    with pytest.raises(StorageError, match=r"scene\.json"):
+    with pytest.raises(InputError, match=r"scene\.json"):
         scene_folders(tmp_path)
 
 
@@ -128,7 +128,7 @@ def change_map(folder, old, new):
 )
 def test_damage_is_named(folder, damage, named):
     damage(folder)
-    with pytest.raises(StorageError, match=named) as error:
+    with pytest.raises(InputError, match=named) as error:
         read_scene(folder)
     assert str(folder) in str(error.value)
 
@@ -149,10 +149,10 @@ def test_a_folder_holds_its_tracks_once(folder):
     """Otherwise a corrected table would lose against the Parquet file of an earlier conversion."""
     scene = read_own(folder)
     write_as_table(scene, folder)
-    with pytest.raises(StorageError, match=r"tracks\.csv, file: tracks\.parquet would contradict it"):
+    with pytest.raises(InputError, match=r"tracks\.csv, file: tracks\.parquet would contradict it"):
         write_scene(scene, folder)
     assert_same(read_own(folder).trajectories, scene.trajectories)
     write_scene(scene, folder.parent / "again")
     (folder.parent / "again" / "tracks.parquet").rename(folder / "tracks.parquet")
-    with pytest.raises(StorageError, match=r"tracks\.csv, file: tracks\.parquet is here too"):
+    with pytest.raises(InputError, match=r"tracks\.csv, file: tracks\.parquet is here too"):
         read_own(folder)

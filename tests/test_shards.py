@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from pedpred.datasets.rows import load_sequences
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.features import extract, extract_blocks
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.lstm.features.grids import unpack_crops
@@ -131,25 +131,25 @@ def test_damage_is_named(folder):
     path = folder / "walled.parquet"
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(StorageError, match=r"walled\.parquet.*Write it again"):
+    with pytest.raises(InputError, match=r"walled\.parquet.*Write it again"):
         read_shard(folder, "walled", LSTM_ROWS)
     path.write_bytes(whole[:5000] + bytes(1000) + whole[6000:])
-    with pytest.raises(StorageError, match=r"walled\.parquet, file"):
+    with pytest.raises(InputError, match=r"walled\.parquet, file"):
         read_shard(folder, "walled", LSTM_ROWS)
     write_blocks([{"track_id": np.arange(3)}], path, FEATURE_SCHEMA)
-    with pytest.raises(StorageError, match="column phase"):
+    with pytest.raises(InputError, match="column phase"):
         read_shard(folder, "walled", LSTM_ROWS)
     about = json.loads((folder / "manifest.json").read_text())
     (folder / "manifest.json").write_text(json.dumps(about | {"schema": 99}))
-    with pytest.raises(StorageError, match="schema"):
+    with pytest.raises(InputError, match="schema"):
         read_manifest(folder)
     (folder / "manifest.json").unlink()
-    with pytest.raises(StorageError, match=r"manifest\.json"):
+    with pytest.raises(InputError, match=r"manifest\.json"):
         read_manifest(folder)
 
 
 def test_another_size_is_named(folder):
-    with pytest.raises(StorageError, match="angular_grid"):
+    with pytest.raises(InputError, match="angular_grid"):
         read_shard(folder, "walled", dataclasses.replace(LSTM_ROWS, features=LstmFeatures(angular_cells=36)))
 
 
@@ -159,14 +159,14 @@ def test_another_type_is_named(folder, table, column, wrong):
     columns = split_pairs(stored(table))
     columns[column] = columns[column].astype(wrong if column != "angular_grid" else np.float64)
     write_blocks([columns], folder / "walled.parquet", FEATURE_SCHEMA)
-    with pytest.raises(StorageError, match=rf"walled\.parquet, column {column}.*Write it again"):
+    with pytest.raises(InputError, match=rf"walled\.parquet, column {column}.*Write it again"):
         read_shard(folder, "walled", LSTM_ROWS)
 
 
 def test_another_schema_version_is_named(folder, table):
     for write in (write_columns, lambda c, p: write_blocks([c], p, FEATURE_SCHEMA - 1)):
         write(split_pairs(stored(table)), folder / "walled.parquet")
-        with pytest.raises(StorageError, match=r"walled\.parquet, schema: version .* expected"):
+        with pytest.raises(InputError, match=r"walled\.parquet, schema: version .* expected"):
             read_shard(folder, "walled", LSTM_ROWS)
 
 
@@ -181,7 +181,7 @@ def test_the_manifest_describes_every_column_and_changes_with_the_scene(folder):
 
 def test_codes_must_belong_to_the_features(folder, table):
     write_embeddings([np.zeros((len(table) - 1, 392), np.float16)], folder / "embeddings", "walled")
-    with pytest.raises(StorageError, match="rows"):
+    with pytest.raises(InputError, match="rows"):
         load_sequences({"a": folder}, {"a": folder / "embeddings"})
     write_embeddings([np.ones((len(table), 392), np.float16)], folder / "embeddings", "walled")
     data = load_sequences({"a": folder}, {"a": folder / "embeddings"})

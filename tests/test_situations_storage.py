@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.features import ForecastProtocol
 from pedpred.models.features import RowFormat
 from pedpred.models.mixture.features import MixtureFeatures
@@ -55,14 +55,14 @@ def test_a_manifest_survives_the_disk(tmp_path, names):
 def test_errors_name_file_and_field(tmp_path):
     wider = replace(SIZES, features=replace(FEATURES, beams=12))
     write_situations(rows(3), tmp_path, "room_0", COLUMNS)
-    with pytest.raises(StorageError, match=r"room_0\.parquet.*column beams"):
+    with pytest.raises(InputError, match=r"room_0\.parquet.*column beams"):
         read_situations(tmp_path, "room_0", wider)
-    with pytest.raises(StorageError, match="room_1"):
+    with pytest.raises(InputError, match="room_1"):
         read_situations(tmp_path, "room_1", SIZES)
     write_situations_manifest(tmp_path, SIZES, ["room_0"])
     about = json.loads((tmp_path / "manifest.json").read_text())
     (tmp_path / "manifest.json").write_text(json.dumps(about | {"schema": 0}))
-    with pytest.raises(StorageError, match="schema"):
+    with pytest.raises(InputError, match="schema"):
         read_situations_manifest(tmp_path)
 
 
@@ -71,5 +71,5 @@ def test_a_manifest_names_files_of_its_folder_alone(tmp_path, name):
     write_situations_manifest(tmp_path, SIZES, ["place"])
     path = tmp_path / "manifest.json"
     path.write_text(path.read_text().replace('"place"', json.dumps(name)))
-    with pytest.raises(StorageError, match=r"manifest\.json"):
+    with pytest.raises(InputError, match=r"manifest\.json"):
         read_situations_manifest(tmp_path)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.geometry import Homography
 from pedpred.sources import SOURCES
 from pedpred.sources.ewap import merged, occupancy_from_image, read_sequence
@@ -112,7 +112,7 @@ def test_reference_picture_becomes_the_camera(folder):
 )
 def test_bad_input_is_named(folder, damage, file, line, named):
     damage(folder)
-    with pytest.raises(SourceError, match=named) as error:
+    with pytest.raises(InputError, match=named) as error:
         read_sequence(folder, "tiny", SETTINGS)
     where = str(folder / file) + ("" if line is None else f", line {line}:")
     assert str(error.value).startswith(where)
@@ -121,14 +121,14 @@ def test_bad_input_is_named(folder, damage, file, line, named):
 
 def test_the_cause_is_chained(folder):
     change("H.txt", "1 2 3\n2 4 6\n0 0 1\n")(folder)
-    with pytest.raises(SourceError) as error:
+    with pytest.raises(InputError) as error:
         read_sequence(folder, "tiny", SETTINGS)
     assert isinstance(error.value.__cause__, ValueRuleError)
 
 
 def test_a_map_up_to_the_horizon_is_refused(folder):
     change("H.txt", "1 0 -1\n0 2 -2\n-0.124999999 0 1\n")(folder)
-    with pytest.raises(SourceError, match=r"map\.png: map size \[m\].*horizon"):
+    with pytest.raises(InputError, match=r"map\.png: map size \[m\].*horizon"):
         read_sequence(folder, "tiny", SETTINGS)
 
 

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pedpred.command import main
-from pedpred.errors import FileError, SourceError, StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.reading import read_recording
 from pedpred.reading.options import UNITS, ReadOptions
 from pedpred.reading.table import TITLES
@@ -82,7 +82,7 @@ def test_columns_may_be_named_by_title_or_by_position(write):
     for header in (None, ("a", "b", "c", "d", "e")):
         path = write(["# measured", *lines(" ", header, rows)])
         assert_same(people_in(path, columns=("id", "_", "y", "x", "time")), TRACKS)
-    with pytest.raises(SourceError, match=r"no column for x, y; there are agent, id, py, px.*--columns x="):
+    with pytest.raises(InputError, match=r"no column for x, y; there are agent, id, py, px.*--columns x="):
         people_in(write(lines(",", ("agent", "id", "py", "px", "t_ros"), rows)), columns={"time": "t_ros"})
 
 
@@ -119,7 +119,7 @@ def test_dates_of_iso_8601_are_seconds(write):
     ):
         found = people_in(write(lines(rows=[(d, *row[1:]) for d, row in zip(text, ROWS, strict=True)])))
         np.testing.assert_allclose(found.time_s - 1_709_683_190, TRACKS.time_s, atol=1e-6)
-    with pytest.raises(SourceError, match=r"line 2: time = '5\.3\.2024' is not a number.*ISO 8601"):
+    with pytest.raises(InputError, match=r"line 2: time = '5\.3\.2024' is not a number.*ISO 8601"):
         people_in(write(lines(rows=[("5.3.2024", *row[1:]) for row in ROWS])))
 
 
@@ -138,7 +138,7 @@ def test_a_table_may_be_compressed_with_gzip_within_a_bound(write, monkeypatch):
     packed.write_bytes(gzip.compress(path.read_bytes()))
     assert_same(people_in(packed), TRACKS)
     monkeypatch.setattr("pedpred.reading._LARGEST_BYTES", 100)
-    with pytest.raises(SourceError, match=r"walk\.csv\.gz: it unpacks to more than 100 bytes"):
+    with pytest.raises(InputError, match=r"walk\.csv\.gz: it unpacks to more than 100 bytes"):
         people_in(packed)
 
 
@@ -152,7 +152,7 @@ def test_a_folder_may_hold_one_person_per_file(tmp_path, capsys):
     main(["info", str(tmp_path), "--one-person-per-file"])
     assert "24 of 2 tracks" in capsys.readouterr().out
     (tmp_path / "walker_8.csv").write_text("timestamp,x,y\n0,1,left\n")
-    with pytest.raises(SourceError, match=r"walker_8\.csv, line 2: y = 'left' is not a number"):
+    with pytest.raises(InputError, match=r"walker_8\.csv, line 2: y = 'left' is not a number"):
         read_recording(tmp_path, ReadOptions(one_person_per_file=True))
 
 
@@ -208,10 +208,10 @@ def test_whom_a_robot_may_hit_is_a_person_and_other_road_users_are_not(write, la
 
 def test_classes_that_are_no_words_for_people_are_asked_for(write):
     path = write(lines(",", (*HEADER, "type"), [(*row, row[1]) for row in ROWS]))
-    with pytest.raises(SourceError, match=r"no row is of a person; there are 12 of '[37]'.*--class"):
+    with pytest.raises(InputError, match=r"no row is of a person; there are 12 of '[37]'.*--class"):
         people_in(path)
     assert set(people_in(path, classes=("7",)).track_id) == {7}
-    with pytest.raises(SourceError, match="no column holds classes"):
+    with pytest.raises(InputError, match="no column holds classes"):
         people_in(write(lines()), classes=("7",))
 
 
@@ -223,7 +223,7 @@ def test_classes_that_are_no_words_for_people_are_asked_for(write):
 def test_a_row_with_a_value_too_many_or_too_few_is_named(write, row, many, separator):
     content = lines(separator)
     content[row] = f"{content[row]}{separator}9" if many else content[row].rpartition(separator)[0]
-    with pytest.raises(SourceError, match=rf"walk\.csv, line {row + 1}: {5 if many else 3} columns"):
+    with pytest.raises(InputError, match=rf"walk\.csv, line {row + 1}: {5 if many else 3} columns"):
         people_in(write(content))
 
 
@@ -255,7 +255,7 @@ def test_a_row_with_a_value_too_many_or_too_few_is_named(write, row, many, separ
 def test_what_is_wrong_is_said(tmp_path, content, named):
     path = tmp_path / "walk.csv"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(SourceError, match=rf"walk\.csv.*({named})"):
+    with pytest.raises(InputError, match=rf"walk\.csv.*({named})"):
         read_recording(path)
 
 
@@ -281,11 +281,11 @@ def test_options_are_checked(wrong):
 def test_rows_are_bounded(write, monkeypatch, tmp_path):
     path = write(lines())
     monkeypatch.setattr("pedpred.reading.text.MOST_NUMBERS", 20)
-    with pytest.raises(SourceError, match="more than 5 rows"):
+    with pytest.raises(InputError, match="more than 5 rows"):
         read_recording(path)
     pd.DataFrame(ROWS, columns=HEADER).to_parquet(tmp_path / "walk.parquet")
     monkeypatch.setattr("pedpred.reading.table.MOST_NUMBERS", 20)
-    with pytest.raises(SourceError, match="24 rows, at most 5"):
+    with pytest.raises(InputError, match="24 rows, at most 5"):
         read_recording(tmp_path / "walk.parquet")
 
 
@@ -306,7 +306,7 @@ def test_other_columns_are_not_decoded_and_needed_ones_hold_numbers(tmp_path):
     table.assign(note=note, fields=[[1]] * len(TRACKS)).to_parquet(tmp_path / "tracks.parquet")
     assert_same(read_parquet_tracks(tmp_path / "tracks.parquet"), TRACKS)
     table.assign(x_m=table.x_m.astype(str)).to_parquet(tmp_path / "tracks.parquet")
-    with pytest.raises(StorageError, match=r"column x_m: .*not numbers"):
+    with pytest.raises(InputError, match=r"column x_m: .*not numbers"):
         read_parquet_tracks(tmp_path / "tracks.parquet")
 
 
@@ -314,7 +314,7 @@ def test_stored_rows_are_bounded_before_they_are_decoded(tmp_path, monkeypatch):
     write_parquet_tracks(TRACKS, tmp_path / "tracks.parquet")
     monkeypatch.setattr("pedpred.storage.tracks.MOST_NUMBERS", 4 * len(TRACKS) - 1)
     monkeypatch.setattr("pedpred.storage.tracks.read_columns", lambda *_: pytest.fail("it was decoded"))
-    with pytest.raises(FileError, match=re.escape(f"{len(TRACKS)} rows of 4 numbers")):
+    with pytest.raises(InputError, match=re.escape(f"{len(TRACKS)} rows of 4 numbers")):
         read_parquet_tracks(tmp_path / "tracks.parquet")
 
 
@@ -330,7 +330,7 @@ def own(write, tmp_path):
 def test_the_clock_of_a_folder_of_ones_own_is_checked_too(own):
     assert_same(read_folder(own, "mine", {}).trajectories, TRACKS)
     (own / "tracks.csv").write_text("\n".join(lines(rows=[(1000 * t, *rest) for t, *rest in ROWS])))
-    with pytest.raises(SourceError, match="looks like milliseconds"):
+    with pytest.raises(InputError, match="looks like milliseconds"):
         read_folder(own, "mine", {})
 
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.noise import by_place
-from pedpred.errors import FileError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.scenes import write_scene
 from tools.motion import describe_motion
@@ -42,12 +42,12 @@ def test_places_without_a_recording_are_left_out(project):
 
 
 def test_where_no_place_was_recorded_the_way_to_recordings_is_named(project):
-    with pytest.raises(FileError, match=r"no recording is here\. `python -m tools.recordings` says"):
+    with pytest.raises(InputError, match=r"no recording is here\. `python -m tools.recordings` says"):
         list(recordings([]))
 
 
 def test_a_place_without_a_recording_that_is_named_is_an_error_with_the_way_to_it(project):
-    with pytest.raises(FileError, match=r"hotel: its recording is not available\. ask for it"):
+    with pytest.raises(InputError, match=r"hotel: its recording is not available\. ask for it"):
         list(recordings([project / "hotel"]))
 
 

@@ -9,7 +9,7 @@ import argparse
 import math
 from pathlib import Path
 
-from pedpred.errors import FileError, OutputError
+from pedpred.errors import InputError, OutputError
 from pedpred.files import check_output
 
 
@@ -17,10 +17,10 @@ def in_project(folder: Path) -> None:
     """Check that a folder is the project's, since tools name its files from there.
 
     Raises:
-        FileError: it is not.
+        InputError: it is not.
     """
     if not (folder / "dvc.yaml").is_file():
-        raise FileError(folder.resolve(), "", "there is no dvc.yaml", "Run this in the project's folder")
+        raise InputError(folder.resolve(), "", "there is no dvc.yaml", "Run this in the project's folder")
 
 
 def no_arguments(module: str, about: str | None) -> None:

@@ -22,7 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from safetensors.numpy import load_file
 
-from pedpred.errors import FileError, user_errors
+from pedpred.errors import InputError, user_errors
 from pedpred.files import translate_errors
 
 FIGURES = "reports/metrics"
@@ -37,7 +37,7 @@ def checksums(root: Path) -> dict[str, str]:
     """Name -> checksum of everything that was made below a project folder.
 
     Raises:
-        FileError: nothing was.
+        InputError: nothing was.
     """
     digests = {}
     for folder in ("data", "models", FIGURES):
@@ -49,7 +49,7 @@ def checksums(root: Path) -> dict[str, str]:
                         digests[name] = digest
     if not digests:
         remedy = "Name the folder of a project that has been reproduced"
-        raise FileError(root, "", "there are no results below data, models and reports/metrics", remedy)
+        raise InputError(root, "", "there are no results below data, models and reports/metrics", remedy)
     return digests
 
 
@@ -57,9 +57,9 @@ def listed(path: Path) -> dict[str, str]:
     """Name -> checksum in the lines that an earlier call printed.
 
     Raises:
-        FileError: they are not there, or it printed none.
+        InputError: they are not there, or it printed none.
     """
-    wording = partial(FileError, path, remedy="Name a file with all that an earlier call printed")
+    wording = partial(InputError, path, remedy="Name a file with all that an earlier call printed")
     with translate_errors(partial(wording, "")):
         lines = path.read_text().splitlines()
     for number, text in enumerate(lines, 1):

@@ -9,7 +9,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from pedpred.errors import FileError, user_errors
+from pedpred.errors import InputError, user_errors
 from pedpred.report.comparison import changes, changes_table, metrics_at, metrics_now
 
 
@@ -23,7 +23,7 @@ def main() -> None:
     moved = changes(metrics_at(options.revision, options.folder), metrics_now(options.folder))
     if not moved:
         problem = f"no figures with intervals are there, neither now nor at {options.revision}"
-        raise FileError(options.folder, "", problem, "Name the folder of the metric files: --folder")
+        raise InputError(options.folder, "", problem, "Name the folder of the metric files: --folder")
     sys.stdout.write(f"{changes_table(moved)}\n")
     sys.exit(int(any(change.verdict == "worse" for change in moved)))
 

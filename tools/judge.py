@@ -28,7 +28,7 @@ from typing import Any
 from omegaconf import DictConfig
 
 from pedpred.config import read_params
-from pedpred.errors import StorageError, ValueRuleError, user_errors
+from pedpred.errors import InputError, ValueRuleError, user_errors
 from pedpred.files import atomic_write, check_output, write_json
 from pedpred.online.network import ABOUT, GRAPH, read_description
 from tools.arguments import output
@@ -70,16 +70,16 @@ def check_whole(folder: Path) -> None:
     """Refuse what is no model before minutes of measuring.
 
     Raises:
-        StorageError: a file is missing or altered, or they are of two models, as after a kill in `install`.
+        InputError: a file is missing or altered, or they are of two models, as after a kill in `install`.
     """
     try:
         read_description(folder)
-    except StorageError as error:
-        if error.field != "checksum":
+    except InputError as error:
+        if error.where != "checksum":
             raise
         problem = f"{GRAPH} and {ABOUT} are not those of one model"
         remedy = f"If a replacement was interrupted: `git restore {folder}`; else export or copy it again"
-        raise StorageError(error.path, error.field, problem, remedy) from error
+        raise InputError(error.path, error.where, problem, remedy) from error
 
 
 def install(model: Path, folder: Path) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pedpred.command.conversion import read_any
 from pedpred.config import config_errors, read_params
-from pedpred.errors import ConfigError, FileError, ValueRuleError
+from pedpred.errors import ConfigError, InputError, ValueRuleError
 from pedpred.reading.options import ReadOptions
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import read_scene, scene_folders
@@ -47,7 +47,7 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
         rate_hz: frames per second, where files count frames, Hz.
 
     Raises:
-        FileError: a file is missing or damaged, or no place was recorded.
+        InputError: a file is missing or damaged, or no place was recorded.
         ValueRuleError: the rate would be that of nothing.
     """
     if rate_hz is not None and all(path.is_dir() for path in files):
@@ -56,7 +56,7 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
     for number, path in enumerate(files, start=1):
         scene = read_any(path, options=ReadOptions(rate_hz=rate_hz) if path.is_file() else None)
         if scene.unavailable is not None:
-            raise FileError(path, "", "its recording is not available", scene.unavailable)
+            raise InputError(path, "", "its recording is not available", scene.unavailable)
         if scene.name in names:
             scene = replace(scene, name=f"{scene.name} (file {number})")
         names.add(scene.name)
@@ -67,7 +67,7 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
     places = [folder for folder in folders if read_scene(folder).unavailable is None]
     if not places:
         remedy = "`python -m tools.recordings` says how to get recordings; then run `dvc repro ingest`"
-        raise FileError(REAL, "", "no recording is here", f"{remedy}. Or name files")
+        raise InputError(REAL, "", "no recording is here", f"{remedy}. Or name files")
     yield from map(read_any, places)
 
 

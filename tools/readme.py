@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.config import config_errors, plain, read_params
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.files import read_json, write_text
 from pedpred.report.comparison import metrics_now
 from pedpred.report.document import markdown_table
@@ -161,13 +161,13 @@ def pages(root: Path) -> dict[Path, str]:
     """Return the pages with marks and their up-to-date text; none where a tested place has no figures.
 
     Raises:
-        StorageError: a metric file is missing or damaged.
+        InputError: a metric file is missing or damaged.
     """
     params = plain(read_params(root))
     studies = {}
     for study in _TRAININGS:
         path = root / _METRICS / f"{study}.json"
-        studies[study] = read_json(path, partial(StorageError, path, "metrics"))
+        studies[study] = read_json(path, partial(InputError, path, "metrics"))
     if without := lacking(params["folds"], studies):
         logging.warning("the tables stay as they are: there are no figures of %s", ", ".join(without))
         return {}

@@ -25,7 +25,7 @@ from dvc.scm import SCMError
 from dvc.stage import Stage
 
 from pedpred.config import SHARED, plain, read_params
-from pedpred.errors import FileError, ValueRuleError, user_errors
+from pedpred.errors import InputError, ValueRuleError, user_errors
 from pedpred.files import write_text
 from pedpred.report.canvas import write_png
 from stages.code import CODE, ROOT, listings
@@ -57,7 +57,7 @@ def pipeline(folder: Path) -> nx.DiGraph:
     """The stages, each with an edge to every one that it needs.
 
     Raises:
-        FileError: there is no project, or DVC looks for a git history, and there is none.
+        InputError: there is no project, or DVC looks for a git history, and there is none.
     """
     in_project(folder)
     try:
@@ -66,7 +66,7 @@ def pipeline(folder: Path) -> nx.DiGraph:
         file.lockfile_contents = {}  # it says nothing of needs, and takes as long to parse as all the rest
         graph: nx.DiGraph = Index(project, stages=[*file.stages.values()]).graph
     except SCMError as error:
-        raise FileError(folder, "", str(error), "`make setup` lets DVC do without") from error
+        raise InputError(folder, "", str(error), "`make setup` lets DVC do without") from error
     return graph
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from mcap.writer import MCAP0_MAGIC
 
 from pedpred.command.maps import map_at
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.reading import Recording, read_recording
 from pedpred.reading.checks import check_speeds
 from pedpred.reading.geometry import is_geometry, read_ground, read_walls
@@ -246,7 +246,7 @@ def _check_folder(path: Path) -> None:
     """Check that a folder is a scene, not one in which recordings lie.
 
     Raises:
-        SourceError: it is not.
+        InputError: it is not.
     """
     if path.is_dir() and not any((path / name).exists() for name in ("scene.json", "tracks.parquet")):
         files = sorted(file.name for file in path.iterdir() if file.is_file() and file.name[0] != ".")
@@ -255,7 +255,7 @@ def _check_folder(path: Path) -> None:
             if files
             else "It holds no files"
         )
-        raise SourceError(path, None, "a folder with no scene and no bag", remedy)
+        raise InputError(path, None, "a folder with no scene and no bag", remedy)
 
 
 def read_any(
@@ -275,7 +275,7 @@ def read_any(
         map_topic: of a bag's map, see `read_bag`; "" leaves out the geometry inside other files, too.
 
     Raises:
-        StorageError, SourceError: the file is missing, damaged or of another format.
+        InputError, InputError: the file is missing, damaged or of another format.
         ValueRuleError: an option has no meaning for the format.
     """
     return _open(path, topic, options or ReadOptions(), transform, map_topic).scene

@@ -58,7 +58,7 @@ def predict(
 
     Raises:
         ValueRuleError: an argument is something else.
-        SourceError: a column is missing, a value is not a number, or people would move at impossible speeds.
+        InputError: a column is missing, a value is not a number, or people would move at impossible speeds.
     """
     _check_kind("table", table, pd.DataFrame, "a DataFrame of pandas")
     _check_kind("occupancy", occupancy, OccupancyMap | str | Path | None, "an OccupancyMap, a path or None")

@@ -31,7 +31,7 @@ from pedpred.driving.sensor import SensorSettings
 from pedpred.driving.shown import as_scene, describe, write_drive
 from pedpred.driving.table import Condition, Row, read_table, write_table
 from pedpred.driving.worlds import REACTIONS, Worlds
-from pedpred.errors import OutputError, StorageError, ValueRuleError
+from pedpred.errors import InputError, OutputError, ValueRuleError
 from pedpred.online.shipped import default_model
 from pedpred.ros.foxglove import write_layout
 
@@ -93,18 +93,18 @@ def _known(path: Path, places: Places, settings: DriveSettings, models: Models) 
     """Rows of earlier runs, and of others that go on beside this one.
 
     Raises:
-        StorageError: they are of another recording, robot or model, or of a network that is not named.
+        InputError: they are of another recording, robot or model, or of a network that is not named.
     """
     rows = read_table(path) if path.exists() else []
     if unnamed := sorted({row.condition.method for row in rows} - {*NAMES, *models.others}):
         problem = f"it has drives of {', '.join(unnamed)}, a network that is not named now"
-        raise StorageError(path, "method", problem, "Name its folder (--compare), or another table (--table)")
+        raise InputError(path, "method", problem, "Name its folder (--compare), or another table (--table)")
     sums = {
         method: checksum(places, settings, models.of(method)) for method, _ in {r.condition for r in rows}
     }
     if any(row.settings != sums[row.condition.method] for row in rows):
         problem = "its drives are of another recording, map, robot, sensor, seed, model or version"
-        raise StorageError(path, "settings", problem, "Name another table (--table), or remove this one")
+        raise InputError(path, "settings", problem, "Name another table (--table), or remove this one")
     return rows
 
 

@@ -52,7 +52,7 @@ def assess_windows(
 
     Raises:
         ValueRuleError: the recording has no window, or the model forecasts other steps.
-        SourceError: a file of forecasts does not belong to the windows.
+        InputError: a file of forecasts does not belong to the windows.
     """
     if abs(scene.detection_dt_s - WINDOWS.step_s) > _SAME_S:
         rule = f"this protocol needs annotations every {WINDOWS.step_s:g} s"

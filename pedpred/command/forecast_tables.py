@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pedpred.errors import SourceError
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.files import atomic_write, check_input
 from pedpred.reading.errors import ContentError, add_path
@@ -62,9 +61,9 @@ def read_forecast_table(path: Path) -> tuple[dict[str, np.ndarray], TrackNames]:
     """Read the columns of such a file, with `track_id` for track, and `line`, and what tracks are called.
 
     Raises:
-        SourceError: a column is missing or holds something else than finite numbers.
+        InputError: a column is missing or holds something else than finite numbers.
     """
-    check_input(path, None, SourceError)
+    check_input(path)
     with add_path(path):
         columnar = is_columnar(Head.of(path).raw)
         form = None if columnar else text_form(path, ReadOptions())[0]

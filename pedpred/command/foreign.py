@@ -13,7 +13,7 @@ import numpy as np
 
 from pedpred.command.forecast_tables import read_forecast_table
 from pedpred.command.trajnet import trajnet_columns
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.forecasting import ForecastRequest
 from pedpred.reading.checks import FASTEST_MPS
 from pedpred.reading.names import TrackNames
@@ -56,7 +56,7 @@ class ForeignForecasts:
             names: of tracks in the recording.
 
         Raises:
-            SourceError: none of them is there.
+            InputError: none of them is there.
         """
         if not self.names.of_number and not names.of_number:
             return self
@@ -67,7 +67,7 @@ class ForeignForecasts:
         if not here.any():
             shown, known = (", ".join(some[:_SHOWN]) for some in (written, list(names.of_number.values())))
             problem = f"forecasts are of {shown}; tracks of the recording are {known or 'numbers'}"
-            raise SourceError(self.source, None, problem, _SAME)
+            raise InputError(self.source, None, problem, _SAME)
         number = np.array([0 if number is None else number for number in numbers], np.int64)[whose]
         order = np.lexsort((self.time_s, number))
         order = order[here[whose][order]]
@@ -84,7 +84,7 @@ class ForeignForecasts:
         Forecasts that begin where nobody can be by then are warned about.
 
         Raises:
-            SourceError: none has.
+            InputError: none has.
         """
         asked = request.asked
         rows = self._rows(asked.track_id, asked.time_s)
@@ -94,7 +94,7 @@ class ForeignForecasts:
             problem = (
                 f"no forecast belongs to a window of {request.scene.name}: forecasts are of {forecasts}, "
             )
-            raise SourceError(self.source, None, f"{problem}windows of {windows}", _SAME)
+            raise InputError(self.source, None, f"{problem}windows of {windows}", _SAME)
         if not answered.all():
             text = "%s has forecasts for %d of %d windows; all methods are compared there"
             _LOG.info(text, self.source, answered.sum(), len(answered))
@@ -115,7 +115,7 @@ class ForeignForecasts:
         knots_s = np.arange(steps + 1) * (self.step_s or dt_s)
         if knots_s[-1] < ahead_s[-1] - _SAME_S:
             problem = f"forecasts reach {knots_s[-1]:g} s ahead, and windows need {ahead_s[-1]:g} s"
-            raise SourceError(self.source, None, problem, "Steps of a table may be longer: --step-s")
+            raise InputError(self.source, None, problem, "Steps of a table may be longer: --step-s")
         rows = self._rows(asked.track_id, asked.time_s)
         start = np.broadcast_to(asked.last_position[:, None, None], (len(rows), self.weight.shape[1], 1, 2))
         known = np.concatenate([start, self.path[rows]], axis=2)
@@ -150,7 +150,7 @@ def answered_by_all(foreign: Mapping[str, ForeignForecasts], request: ForecastRe
     """Which windows have a forecast in every file. [W] bool.
 
     Raises:
-        SourceError: a file has none.
+        InputError: a file has none.
         ValueRuleError: there is no such window.
     """
     answered: np.ndarray = np.logical_and.reduce(
@@ -215,7 +215,7 @@ def read_forecasts(path: Path, step_s: float | None) -> ForeignForecasts:
         step_s: time between two steps of a table, s; None: that of the windows.
 
     Raises:
-        SourceError: the file cannot be understood; it names the line, or whose forecast is wrong.
+        InputError: the file cannot be understood; it names the line, or whose forecast is wrong.
     """
     names = TrackNames()
     if path.suffix == _TRAJNET:
@@ -223,7 +223,7 @@ def read_forecasts(path: Path, step_s: float | None) -> ForeignForecasts:
     else:
         columns, names = read_forecast_table(path)
     if not len(columns["line"]):
-        raise SourceError(path, None, "no forecasts")
+        raise InputError(path, None, "no forecasts")
     keys = ("track_id", "time", "mode", "step")
     order = np.lexsort([columns[name] for name in reversed(keys)])
     track, time_s, mode, step = (columns[name][order] for name in keys)
@@ -239,7 +239,7 @@ def read_forecasts(path: Path, step_s: float | None) -> ForeignForecasts:
         who = names.column(columns["track_id"][row : row + 1])[0]
         problem = f"the forecast of track {who} at {columns['time'][row]:g} s"
         needed = f"needs each step from 1 to {steps} once in each of {modes} modes, as the others have it"
-        raise SourceError(path, int(columns["line"][row]), f"{problem} {needed}")
+        raise InputError(path, int(columns["line"][row]), f"{problem} {needed}")
     return _forecasts(path, columns, order, (len(whole), modes, steps), step_s, names)
 
 
@@ -259,7 +259,7 @@ def _forecasts(
     if wrong.any():
         row = order[np.flatnonzero(wrong)[0] * shape[1] * shape[2]]
         rule = "weights are the same at all steps of a mode, not negative, and not all 0"
-        raise SourceError(path, int(columns["line"][row]), f"weight = {columns['weight'][row]:g}, but {rule}")
+        raise InputError(path, int(columns["line"][row]), f"weight = {columns['weight'][row]:g}, but {rule}")
     weight = weights[..., 0] / largest[:, None]  # first, because sums of large weights overflow
     weight /= weight.sum(axis=1, keepdims=True)
     likely = np.argsort(-weight, axis=1, kind="stable")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pedpred.command.conversion import layout_of, read_given, warn_without_obstacles
 from pedpred.command.forecast_tables import SUFFIXES, write_forecasts
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.fields import parsed
 from pedpred.files import read_yaml, translate_errors
 from pedpred.online import OnlinePredictor, OnlineSettings
@@ -84,9 +84,9 @@ def read_tracker(path: Path) -> KalmanSettings:
     """Read the parameters of a tracker.
 
     Raises:
-        StorageError: the file is missing or damaged, or a value breaks its rule.
+        InputError: the file is missing or damaged, or a value breaks its rule.
     """
-    wording = partial(StorageError, path, "tracker", remedy="Correct the file")
+    wording = partial(InputError, path, "tracker", remedy="Correct the file")
     plain = read_yaml(path, wording)
     plain.pop("kind", None)  # as rows of conf/trackers have it
     with translate_errors(wording):

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import SourceError
 from pedpred.files import check_input
 from pedpred.reading.errors import ContentError, add_path
 from pedpred.reading.formats.trajnet import fields, json_lines, rate_of
@@ -30,9 +29,9 @@ def trajnet_columns(path: Path) -> tuple[dict[str, np.ndarray], float]:
         The columns of a table of forecasts, and the time between two steps, s.
 
     Raises:
-        SourceError: the file is missing or wrong, or holds no predictions.
+        InputError: the file is missing or wrong, or holds no predictions.
     """
-    check_input(path, None, SourceError)
+    check_input(path)
     with add_path(path):
         about: dict[int, tuple[int, float]] = {}
         rows: list[list[float]] = []

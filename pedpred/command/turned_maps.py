@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.files import open_picture, translate_errors
 from pedpred.ros.frames import TWO_TURNS_RAD
 from pedpred.ros.turned_maps import turned_map
@@ -31,17 +31,17 @@ def yaw_of(path: Path, content: dict[str, Any]) -> float:
         content: of it.
 
     Raises:
-        StorageError: it is not finite, or more than two turns, as in degrees.
+        InputError: it is not finite, or more than two turns, as in degrees.
     """
     origin = content.get("origin")
     if not isinstance(origin, list) or len(origin) != _POSE:
         return 0.0
     yaw_rad = _number(path, "origin", origin[2])
     if not math.isfinite(yaw_rad):
-        raise StorageError(path, "origin", f"yaw = {yaw_rad}, but it must be finite", _ORIGIN)
+        raise InputError(path, "origin", f"yaw = {yaw_rad}, but it must be finite", _ORIGIN)
     if abs(yaw_rad) > TWO_TURNS_RAD:
         problem = f"yaw = {yaw_rad:g} rad is more than two turns: is it in degrees?"
-        raise StorageError(path, "origin", problem, _ORIGIN)
+        raise InputError(path, "origin", problem, _ORIGIN)
     return yaw_rad
 
 
@@ -55,14 +55,14 @@ def read_turned_map(path: Path, content: dict[str, Any], yaw_rad: float, remedy:
         remedy: of errors.
 
     Raises:
-        StorageError: a file is missing or damaged, or a field is missing or has another meaning.
+        InputError: a file is missing or damaged, or a field is missing or has another meaning.
     """
     x, y = (_number(path, "origin", value) for value in content["origin"][:2])
     side_m = _number(path, "resolution", _field(path, content, "resolution"))
     mode, negate, occupied_thresh, free_thresh = _meaning(path, content)
     picture = picture_of(path, content)
-    with open_picture(picture, partial(StorageError, picture, "file", remedy=remedy)) as image:
+    with open_picture(picture, partial(InputError, picture, "file", remedy=remedy)) as image:
         blocked = blocked_cells(image, blocked_greys(mode, negate, occupied_thresh, free_thresh), mode)
-    with translate_errors(partial(StorageError, path, "map", remedy=remedy)):
+    with translate_errors(partial(InputError, path, "map", remedy=remedy)):
         straight = OccupancyMap(blocked[::-1].T, np.array([x, y]), side_m)
         return turned_map(straight, yaw_rad)

@@ -43,7 +43,7 @@ def warm_up_commands(model: Path | None) -> None:
     """Do `warm_up`, and compile what `pedpred predict` and `pedpred evaluate` call, with models of any kind.
 
     Raises:
-        StorageError: see `warm_up`.
+        InputError: see `warm_up`.
     """
     begun_s = time.monotonic()
     warm_up(model)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pedpred.errors import ShapeError, StorageError, ValueRuleError
+from pedpred.errors import InputError, ShapeError, ValueRuleError
 from pedpred.features import FeatureTable
 from pedpred.models.features import RowFormat
 from pedpred.storage.mapped import MappedRows
@@ -139,7 +139,7 @@ def load_sequences(folders: Mapping[str, Path], embeddings: Mapping[str, Path] |
         embeddings: set -> the frozen encoder's outputs there, the channel "grid".
 
     Raises:
-        StorageError: a shard or manifest cannot be read, or features and embeddings do not belong together.
+        InputError: a shard or manifest cannot be read, or features and embeddings do not belong together.
         ValueRuleError: the folders were made with different sizes.
         OSError: the disk is full.
     """
@@ -173,7 +173,7 @@ def load_instants(folders: Mapping[str, Path]) -> TrainingRows:
         folders: set -> its folder; of the same protocol and sizes.
 
     Raises:
-        StorageError: a file is missing or damaged.
+        InputError: a file is missing or damaged.
         ValueRuleError: the sets were made with different sizes.
         OSError: the disk is full.
     """
@@ -253,7 +253,7 @@ def _add_embeddings(columns: _Columns, folder: Path, shard: str) -> None:
     count = len(columns.mapped[EMBEDDED]) if EMBEDDED in columns.mapped else 0
     if count != len(columns):
         problem = f"{count} rows so far beside {len(columns)} rows of features"
-        raise StorageError(folder / f"{shard}.parquet", "embedding", problem, "Encode the features again")
+        raise InputError(folder / f"{shard}.parquet", "embedding", problem, "Encode the features again")
 
 
 def select_held_out(spans: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:

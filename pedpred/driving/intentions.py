@@ -10,7 +10,7 @@ import numpy as np
 
 from pedpred.driving.people import Crowd
 from pedpred.driving.tracked import TrackedPeople
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.features import Pedestrians
 from pedpred.files import read_yaml
 from pedpred.online import OnlinePredictor
@@ -36,10 +36,10 @@ def published_forces() -> SocialForceSettings:
     """Read the published parameters.
 
     Raises:
-        StorageError: the file is missing or damaged.
+        InputError: the file is missing or damaged.
     """
     path = next((path for path in FORCES if path.is_file()), FORCES[-1])
-    return social_force_settings(read_yaml(path, partial(StorageError, path, "file"))[_PUBLISHED])
+    return social_force_settings(read_yaml(path, partial(InputError, path, "file"))[_PUBLISHED])
 
 
 class SocialForces:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from pedpred.driving.forecasters import NAMES
 from pedpred.driving.measures import Measures
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.files import read_lines, translate_errors, write_text
 
 _DIGITS = 4
@@ -75,9 +75,9 @@ def read_table(path: Path) -> list[Row]:
     """Read a table of `write_table`.
 
     Raises:
-        StorageError: the file is no text, or a line is not a row of such a table.
+        InputError: the file is no text, or a line is not a row of such a table.
     """
-    wording = partial(StorageError, path, "table", remedy="Name another table, or remove this one")
+    wording = partial(InputError, path, "table", remedy="Name another table, or remove this one")
     rows = []
     with translate_errors(wording):
         lines = csv.DictReader(line for _, line in read_lines(path))

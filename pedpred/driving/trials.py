@@ -59,7 +59,7 @@ class TrialPlace:
         """Where episodes are drawn; None if the recording is missing.
 
         Raises:
-            StorageError: the scene is damaged.
+            InputError: the scene is damaged.
         """
         if self.world != NO_WORLD:
             return self.worlds()

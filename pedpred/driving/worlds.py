@@ -15,7 +15,7 @@ import numpy as np
 
 from pedpred.driving.episodes import DriveSettings, Episode, NobodyMetError, Place, draw_episode
 from pedpred.driving.walkers import Walkers, with_robot
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.fields import parsed
 from pedpred.files import read_yaml
 from pedpred.scenes import Scene
@@ -41,10 +41,10 @@ def ranges() -> WorldSettings:
     """What worlds are drawn from: the ranges of training, with the changes in the file beside this module.
 
     Raises:
-        StorageError: a file is missing or damaged.
+        InputError: a file is missing or damaged.
     """
     trained_on = next((path for path in TRAINED_ON if path.is_file()), TRAINED_ON[-1])
-    usual, changes = (read_yaml(path, partial(StorageError, path, "file")) for path in (trained_on, CHANGES))
+    usual, changes = (read_yaml(path, partial(InputError, path, "file")) for path in (trained_on, CHANGES))
     settings: WorldSettings = parsed(WorldSettings, _changed(usual, changes))
     return settings
 

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pedpred.errors import ShapeError, StorageError, ValueRuleError
+from pedpred.errors import InputError, ShapeError, ValueRuleError
 from pedpred.files import translate_errors
 from pedpred.geometry import rotate
 from pedpred.scenes import Predictions
@@ -118,9 +118,9 @@ def read_windows(path: Path) -> EvaluationWindows:
     """Read the windows of one scene.
 
     Raises:
-        StorageError: the file cannot be read, or a column is missing or has another type; it is named.
+        InputError: the file cannot be read, or a column is missing or has another type; it is named.
     """
-    with translate_errors(partial(StorageError, path, "file", remedy=_REMEDY)):
+    with translate_errors(partial(InputError, path, "file", remedy=_REMEDY)):
         types = {column.name: column.type for column in pq.read_schema(path)}
         about = read_about(path)
         sizes, modes = {name: about[name] for name in SIZES}, about["modes"]
@@ -157,7 +157,7 @@ def read_forecasts(
         scene: its name, or a pattern.
 
     Raises:
-        StorageError: a file cannot be read.
+        InputError: a file cannot be read.
         ValueRuleError: two methods forecast different windows.
     """
     parts: dict[str, list[EvaluationWindows]] = {}

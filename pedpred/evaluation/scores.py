@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import ShapeError, StorageError, ValueRuleError
+from pedpred.errors import InputError, ShapeError, ValueRuleError
 from pedpred.features import FeatureTable
 from pedpred.fields import LARGEST_SEED, check_ranges
 from pedpred.files import translate_errors
@@ -235,7 +235,7 @@ def read_scores(path: Path) -> Scores:
     """Read the scores of one method in one scene.
 
     Raises:
-        StorageError: the file cannot be read, or a column is missing; it is named.
+        InputError: the file cannot be read, or a column is missing; it is named.
     """
     names, about = column_names(path), read_about(path)
     shapes = {name: (-1,) if name in _PER_STEP else () for name in names}
@@ -243,5 +243,5 @@ def read_scores(path: Path) -> Scores:
     none = np.zeros((len(columns["track"]), 0))
     values = {name.removeprefix(_METRIC): columns[name] for name in names if name.startswith(_METRIC)}
     error_m, inside, nll = (columns.get(name, none) for name in _PER_STEP)
-    with translate_errors(partial(StorageError, path, "schema", remedy="Evaluate again")):
+    with translate_errors(partial(InputError, path, "schema", remedy="Evaluate again")):
         return Scores(columns["track"], values, error_m, inside, nll, **about)

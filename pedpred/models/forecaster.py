@@ -113,7 +113,7 @@ def forecaster(network_folder: Path, autoencoder_folder: Path, **choices: bool) 
         choices: `together`, `learning` and `trust` of `NetworkForecaster`.
 
     Raises:
-        StorageError: a checkpoint is missing or damaged.
+        InputError: a checkpoint is missing or damaged.
     """
     network, made_with = load_network(network_folder), load_format(network_folder)
     encoder = load_encoder(autoencoder_folder) if EMBEDDED in network.settings.channels_read else None

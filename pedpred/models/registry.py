@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import torch
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.fields import check_choice, check_mapping
 from pedpred.files import read_json, translate_errors
 from pedpred.models import ARCHITECTURES
@@ -63,10 +63,10 @@ def load_format(folder: Path) -> RowFormat:
     """What the rows were made with that the network of a checkpoint was trained on.
 
     Raises:
-        StorageError: the checkpoint is missing or damaged.
+        InputError: the checkpoint is missing or damaged.
     """
     path = folder / "about.json"
-    wording = partial(StorageError, path, "rows", remedy="Train the network again")
+    wording = partial(InputError, path, "rows", remedy="Train the network again")
     about = read_json(path, wording)
     with translate_errors(wording):
         return RowFormat.parse(about["rows"])
@@ -81,11 +81,11 @@ def load_network(folder: Path) -> ForecastNetwork:
     """The network of a checkpoint, ready to forecast.
 
     Raises:
-        StorageError: the checkpoint is missing or damaged.
+        InputError: the checkpoint is missing or damaged.
     """
     weights, about = read_checkpoint(folder)
     remedy = "Train the network again"
-    with translate_errors(partial(StorageError, folder / "about.json", "network", remedy=remedy)):
+    with translate_errors(partial(InputError, folder / "about.json", "network", remedy=remedy)):
         settings = parse_settings(about["network"])
         with torch.device("meta"):  # no memory until the weights are known to fit
             network = settings.build(about["widths"], int(about["horizon_steps"]))

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pedpred.errors import StorageError, ValueRuleError, brief
+from pedpred.errors import InputError, ValueRuleError, brief
 from pedpred.features import ForecastProtocol, ModelFeatures
 from pedpred.fields import check_ranges
 from pedpred.files import read_bytes, read_json, translate_errors, write_json
@@ -132,12 +132,12 @@ def read_description(folder: Path) -> ModelDescription:
     """Read model.json and check that network.onnx is the one it describes.
 
     Raises:
-        StorageError: a file is missing, altered, or of another schema version; it names file and field.
+        InputError: a file is missing, altered, or of another schema version; it names file and field.
     """
     about = _read_about(folder)
-    with translate_errors(partial(StorageError, folder / ABOUT, "description", remedy=_REMEDY)):
+    with translate_errors(partial(InputError, folder / ABOUT, "description", remedy=_REMEDY)):
         if about["network_sha256"] != _digest(read_bytes(folder / GRAPH)):
-            raise StorageError(folder / GRAPH, "checksum", f"it is not what {ABOUT} describes", _REMEDY)
+            raise InputError(folder / GRAPH, "checksum", f"it is not what {ABOUT} describes", _REMEDY)
         return ModelDescription(
             tuple(about["inputs"]),
             _shapes(about["memory"]),
@@ -153,7 +153,7 @@ def read_origin(folder: Path) -> dict[str, Any]:
     """Where a model folder's network comes from, as the stage `export` notes it.
 
     Raises:
-        StorageError: model.json is missing or altered.
+        InputError: model.json is missing or altered.
     """
     return dict(_read_about(folder)["origin"])
 
@@ -161,13 +161,13 @@ def read_origin(folder: Path) -> dict[str, Any]:
 def _read_about(folder: Path) -> dict[str, Any]:
     """What model.json says, after a check that it is what was written."""
     path = folder / ABOUT
-    wording = partial(StorageError, path, "description", remedy=_REMEDY)
+    wording = partial(InputError, path, "description", remedy=_REMEDY)
     about = read_json(path, wording)
     with translate_errors(wording):
         if about["schema"] != MODEL_SCHEMA:
-            raise StorageError(path, "schema", f"{brief(about['schema'])}, expected {MODEL_SCHEMA}", _REMEDY)
+            raise InputError(path, "schema", f"{brief(about['schema'])}, expected {MODEL_SCHEMA}", _REMEDY)
         if about.pop(_CHECKSUM) != digest_of(about):
-            raise StorageError(path, "checksum", "its values are not those that were written", _REMEDY)
+            raise InputError(path, "checksum", "its values are not those that were written", _REMEDY)
     return about
 
 
@@ -212,13 +212,13 @@ class ExportedNetwork:
         """Load the graph.
 
         Raises:
-            StorageError: it is missing, damaged or refused (`pedpred.online.graph`), its inputs and outputs
+            InputError: it is missing, damaged or refused (`pedpred.online.graph`), its inputs and outputs
                 are not those described, or weights are in other files.
         """
         path = folder / GRAPH
         raw = read_bytes(path, _LARGEST_BYTES)
         self._folder, self.checksum = folder.absolute(), _digest(raw)
-        wording = partial(StorageError, path, "graph")
+        wording = partial(InputError, path, "graph")
         self._failed = partial(wording, remedy=_FEWER)
         with translate_errors(partial(wording, remedy=_REMEDY)):
             self._session = load_graph(raw, *description.ends())
@@ -238,7 +238,7 @@ class ExportedNetwork:
             memory: name -> [N, ...] float32, before the step.
 
         Raises:
-            StorageError: the graph fails, as when it would take more than `MOST_MEMORY_BYTES`.
+            InputError: the graph fails, as when it would take more than `MOST_MEMORY_BYTES`.
         """
         with translate_errors(self._failed):
             values = self._session.run(None, {**inputs, **memory})
@@ -265,9 +265,9 @@ def _read_again(folder: Path, description: ModelDescription, checksum: str) -> E
     """The network that was pickled.
 
     Raises:
-        StorageError: the folder holds none any more, or another one.
+        InputError: the folder holds none any more, or another one.
     """
     network = ExportedNetwork(folder, description)
     if network.checksum != checksum:
-        raise StorageError(folder / GRAPH, "checksum", "it is another network than the pickled one", _REMEDY)
+        raise InputError(folder / GRAPH, "checksum", "it is another network than the pickled one", _REMEDY)
     return network

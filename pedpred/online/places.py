@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import StorageError, ValueRuleError, brief
+from pedpred.errors import InputError, ValueRuleError, brief
 from pedpred.files import check_input, read_json, translate_errors, write_json
 from pedpred.forecasting.chain import Place
 from pedpred.online.network import digest_of
@@ -44,10 +44,10 @@ def read_place(path: Path, unlearned: Place, network_sha256: str) -> tuple[Place
         again goes on with it.
 
     Raises:
-        StorageError: the file is missing, damaged or of another schema or network.
+        InputError: the file is missing, damaged or of another schema or network.
     """
-    check_input(path, "place", StorageError, folder=False)
-    wording = partial(StorageError, path, "place", remedy=_REMEDY)
+    check_input(path, folder=False)
+    wording = partial(InputError, path, "place", remedy=_REMEDY)
     about = read_json(path, wording)
     with translate_errors(wording):
         if about["schema"] != PLACE_SCHEMA:

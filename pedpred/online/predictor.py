@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.errors import StorageError, ValueRuleError, brief
+from pedpred.errors import ValueRuleError, brief
 from pedpred.features import ForecastProtocol, Neighbours, Surroundings
 from pedpred.files import check_input, check_output, given_path
 from pedpred.forecasting.chain import Chain, Place
@@ -61,7 +61,7 @@ class OnlinePredictor:
         if not isinstance(checked, OnlineSettings):
             raise ValueRuleError("settings", checked, "it must be OnlineSettings or None")
         folder = given_path("folder", folder)
-        check_input(folder, "model", StorageError, folder=True)
+        check_input(folder, folder=True)
         self._about = read_description(folder)
         self._network = ExportedNetwork(folder, self._about)
         self._settings = checked
@@ -87,7 +87,7 @@ class OnlinePredictor:
         """Read a model folder; without one, the default model that is part of the package.
 
         Raises:
-            StorageError: a file is missing, altered or of another version.
+            InputError: a file is missing, altered or of another version.
             ValueRuleError: the folder is no path, or the settings are something else.
         """
         return cls(default_model() if folder is None else folder, settings)
@@ -144,7 +144,7 @@ class OnlinePredictor:
 
         Raises:
             ValueRuleError: that is no path.
-            StorageError: the file is missing, damaged or about another network; all is as it was.
+            InputError: the file is missing, damaged or about another network; all is as it was.
         """
         checksum = self._network.checksum
         self._begin(*read_place(given_path("path", path), self._unlearned(), checksum))

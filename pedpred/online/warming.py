@@ -31,7 +31,7 @@ def warm_up(model: Path | str | None = None) -> None:
         model: a model folder; None: the default one.
 
     Raises:
-        StorageError: a file of the model is missing, altered or of another version.
+        InputError: a file of the model is missing, altered or of another version.
     """
     begun_s = time.monotonic()
     predictor, (people, occupancy) = OnlinePredictor.load(model), meeting()

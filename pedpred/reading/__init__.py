@@ -17,7 +17,7 @@ from typing import Protocol, cast
 
 import pyarrow as pa
 
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.files import check_input
 from pedpred.reading import table
 from pedpred.reading.checks import check_people
@@ -107,9 +107,9 @@ def format_of(path: Path, options: ReadOptions) -> Reader:
     """Find the reader of a file; named columns are those of a table, whatever it looks like.
 
     Raises:
-        SourceError: the file is missing, or of a kind that is not read; it is named.
+        InputError: the file is missing, or of a kind that is not read; it is named.
     """
-    check_input(path, None, SourceError)
+    check_input(path)
     with add_path(path):
         head = Head.of(path)
         recognised = next((reader for reader in FORMATS if reader.recognises(head)), None)
@@ -131,7 +131,7 @@ def read_recording(path: Path, options: ReadOptions | None = None, with_walls: b
         with_walls: read the geometry inside it, too.
 
     Raises:
-        SourceError: it cannot be understood, or its tracks cannot be those of people; it names the line.
+        InputError: it cannot be understood, or its tracks cannot be those of people; it names the line.
     """
     options = options or ReadOptions()
     if options.one_person_per_file:
@@ -172,10 +172,10 @@ def _unpacked(path: Path) -> Iterator[Path]:
 
 def _read_folder(folder: Path, options: ReadOptions) -> Table:
     """Read a folder with a file for each person, who is called like the file."""
-    check_input(folder, None, SourceError, folder=True)
+    check_input(folder, folder=True)
     files = sorted(file for file in folder.iterdir() if file.is_file() and not file.name.startswith("."))
     if not 0 < len(files) <= _MOST_FILES:
-        raise SourceError(
+        raise InputError(
             folder, None, f"{len(files)} files, expected 1 to {_MOST_FILES}", "Name another folder"
         )
     parts, count = [], 0

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from pedpred.errors import PedpredError, SourceError
+from pedpred.errors import InputError, PedpredError
 from pedpred.files import translate_errors
 
 CORRECT = "Correct the file or fetch it again"
@@ -30,9 +30,9 @@ class ContentError(PedpredError):
 
 @contextmanager
 def add_path(path: Path) -> Iterator[None]:
-    """Turn whatever is raised inside into a `SourceError` with the path, the line and the remedy."""
-    with translate_errors(partial(SourceError, path, None)):
+    """Turn whatever is raised inside into a `InputError` with the path, the line and the remedy."""
+    with translate_errors(partial(InputError, path, None)):
         try:
             yield
         except ContentError as cause:
-            raise SourceError(path, cause.line, cause.problem, cause.remedy) from cause
+            raise InputError(path, cause.line, cause.problem, cause.remedy) from cause

@@ -25,7 +25,7 @@ def read_homography(path: Path) -> Homography:
             begin with `#` are comments.
 
     Raises:
-        SourceError: it is not such text, or the matrix is not invertible.
+        InputError: it is not such text, or the matrix is not invertible.
     """
     with add_path(path):
         lines = islice(read_lines(path), _LONGEST)

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pedpred.errors import FileError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.fields import parsed, parsed_each
 from pedpred.files import read_yaml, translate_errors
 from pedpred.plain import parse_json
@@ -68,12 +68,12 @@ def read_ablation(path: Path) -> Ablation:
 
     Raises:
         ValueRuleError: there is no such file.
-        FileError: it is damaged, or a key is missing or unknown.
+        InputError: it is damaged, or a key is missing or unknown.
     """
     if not path.is_file():
         known = sorted(other.stem for other in path.parent.glob("*.yaml"))
         raise ValueRuleError("ablation", path.stem, f"known ablations are {known}")
-    wording = partial(FileError, path, "", remedy="Correct it")
+    wording = partial(InputError, path, "", remedy="Correct it")
     plain = read_yaml(path, wording)
     with translate_errors(wording):
         points = {str(name): overrides for name, overrides in plain.pop("points").items()}

@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import FileError, PedpredError, StorageError, ValueRuleError
+from pedpred.errors import InputError, PedpredError, ValueRuleError
 from pedpred.files import read_json, translate_errors
 from pedpred.metrics import METRICS
 from pedpred.plain import parse_json
@@ -65,10 +65,10 @@ def metrics_now(folder: Path) -> dict[str, Any]:
     """Read the metric files of a folder, by name.
 
     Raises:
-        StorageError: one of them is damaged.
+        InputError: one of them is damaged.
     """
     return {
-        path.stem: read_json(path, partial(StorageError, path, "file", remedy="Write it again"))
+        path.stem: read_json(path, partial(InputError, path, "file", remedy="Write it again"))
         for path in sorted(folder.glob("*.json"))
     }
 
@@ -77,11 +77,11 @@ def metrics_at(revision: str, folder: Path) -> dict[str, Any]:
     """Read the metric files of a folder of a repository at a git revision, by name.
 
     Raises:
-        FileError: there is no such folder, or it is in no repository.
+        InputError: there is no such folder, or it is in no repository.
         ValueRuleError: the revision is unknown.
-        StorageError: one of the files is damaged there.
+        InputError: one of the files is damaged there.
     """
-    lost = partial(FileError, folder, "", remedy="Name a folder of metrics in a git repository")
+    lost = partial(InputError, folder, "", remedy="Name a folder of metrics in a git repository")
     if not folder.is_dir():
         raise lost("there is no such folder")
     _git(folder, lost, "rev-parse", "--git-dir")
@@ -90,7 +90,7 @@ def metrics_at(revision: str, folder: Path) -> dict[str, Any]:
     metrics = {}
     for name in filter(lambda name: name.endswith(".json"), listed.split("\0")):
         remedy = "Compare with another revision"
-        with translate_errors(partial(StorageError, folder / name, revision, remedy=remedy)):
+        with translate_errors(partial(InputError, folder / name, revision, remedy=remedy)):
             text = _git(folder, unknown, "show", "--end-of-options", f"{revision}:./{name}")
             metrics[Path(name).stem] = parse_json(text)
     return metrics

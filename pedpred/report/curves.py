@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.files import translate_errors
 from pedpred.report.canvas import INK, blank, styled
 from pedpred.report.methods import Methods
@@ -23,12 +23,12 @@ def read_curve(path: Path) -> pd.DataFrame:
     """Read the curve of one training: a row per validation.
 
     Raises:
-        StorageError: the file cannot be read or has no column `epoch`.
+        InputError: the file cannot be read or has no column `epoch`.
     """
-    with translate_errors(partial(StorageError, path, "file")):
+    with translate_errors(partial(InputError, path, "file")):
         curve = pd.read_csv(path, sep="\t")
     if "epoch" not in curve:
-        raise StorageError(path, "column epoch", "it is missing")
+        raise InputError(path, "column epoch", "it is missing")
     return curve
 
 

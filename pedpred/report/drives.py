@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.files import read_json
 from pedpred.report.canvas import FAINT, INK, blank, styled
 from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
@@ -71,10 +71,10 @@ def read_shown(drives: Path) -> list[Shown]:
     """Read the shown episodes that the stage `drive` wrote.
 
     Raises:
-        StorageError: a file is missing or damaged.
+        InputError: a file is missing or damaged.
     """
     path = drives / "shown.json"
-    known = read_json(path, partial(StorageError, path, "file", remedy="Write it again"))
+    known = read_json(path, partial(InputError, path, "file", remedy="Write it again"))
     return [
         Shown(
             kind,

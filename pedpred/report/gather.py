@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows, read_forecasts
 from pedpred.models.lstm.autoencoder import read_autoencoder
 from pedpred.report.curves import read_curve
@@ -51,7 +51,7 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
         root: the project's folder.
 
     Raises:
-        StorageError: a file is missing or damaged.
+        InputError: a file is missing or damaged.
         ValueRuleError: a test set has no metrics, or the study tests sets of several kinds.
     """
     kinds = {entry.split("/")[0] for fold in folds.values() for entry in fold["test"]}
@@ -77,7 +77,7 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
             windows |= {names.get((tested, scene), scene): forecasts for scene, forecasts in found.items()}
     windows = {scene: windows[scene] for scene in sorted(windows)}
     if not windows and any(name not in missing for name in named):
-        raise StorageError(root / "data/forecasts", "forecasts", f"there are none of the study {study}")
+        raise InputError(root / "data/forecasts", "forecasts", f"there are none of the study {study}")
     dt_s = next((recorded.dt_s for recorded in windows.values()), 0.0)
     results = results_of(metrics, folds.values(), study, dt_s, [f"{kind}/{name}" for name in missing])
     sets = {

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.files import read_json, translate_errors
 
 Figures = Mapping[str, Mapping[str, Any]]
@@ -53,16 +53,16 @@ def read_metrics(path: Path) -> dict[str, Figures]:
     """Read a metric file.
 
     Raises:
-        StorageError: it is no JSON, or a method lacks a figure; the error names it.
+        InputError: it is no JSON, or a method lacks a figure; the error names it.
     """
-    wording = partial(StorageError, path, "file")
+    wording = partial(InputError, path, "file")
     sets = read_json(path, wording)
     with translate_errors(wording):
         for name, figures in sets.items():
             for method, metrics in figures.items():
                 missing = [field for field in _FIELDS if field not in metrics]
                 if missing:
-                    raise StorageError(path, f"{name}/{method}/{missing[0]}", "it is missing")
+                    raise InputError(path, f"{name}/{method}/{missing[0]}", "it is missing")
     return sets
 
 

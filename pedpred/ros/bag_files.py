@@ -14,7 +14,7 @@ from typing import BinaryIO, NamedTuple
 
 from zstandard import ZstdDecompressor
 
-from pedpred.errors import ShapeError, SourceError, brief
+from pedpred.errors import InputError, ShapeError, brief
 from pedpred.files import read_yaml
 
 METADATA = "metadata.yaml"
@@ -76,7 +76,7 @@ def unpacked_files(path: Path) -> Iterator[list[BagFile]]:
         path: of a file, or of a folder; without a readable metadata.yaml the names give the order.
 
     Raises:
-        SourceError: the folder holds no files of a bag, or not those that metadata.yaml names.
+        InputError: the folder holds no files of a bag, or not those that metadata.yaml names.
         ShapeError: a file would unpack to more than `_LARGEST_BYTES` and `_LARGEST_RATIO`.
     """
     names = _files_of(path) if path.is_dir() else [path]
@@ -109,12 +109,12 @@ def _files_of(folder: Path) -> list[Path]:
     if not about.exists() or not about.stat().st_size:
         stored = _stored_in(folder)
         if not stored:
-            raise SourceError(folder, None, "it holds no .mcap and no .db3 file", "Name the folder of a bag")
+            raise InputError(folder, None, "it holds no .mcap and no .db3 file", "Name the folder of a bag")
         _log.warning(
             "%s: no %s, so all are read: %s", folder, METADATA, brief([each.name for each in stored])
         )
         return stored
-    wording = partial(SourceError, about, None, remedy=f"Remove it: without {METADATA} all files are read")
+    wording = partial(InputError, about, None, remedy=f"Remove it: without {METADATA} all files are read")
     bag = read_yaml(about, wording).get("rosbag2_bagfile_information")
     named = bag.get("relative_file_paths") if isinstance(bag, dict) else None
     if not isinstance(named, list) or not named or not all(isinstance(name, str) for name in named):

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import SourceError, ValueRuleError, brief
+from pedpred.errors import InputError, ValueRuleError, brief
 from pedpred.files import check_input, translate_errors
 from pedpred.reading.checks import check_speeds
 from pedpred.ros.bag_content import Ground, Messages
@@ -71,19 +71,19 @@ def read_bag(
         it; without one the ground is free.
 
     Raises:
-        SourceError: the file is not a bag, no topic or several carry people, several carry a map, people
+        InputError: the file is not a bag, no topic or several carry people, several carry a map, people
             and map are in different frames, ids do not say who is who, places are degrees or not in
             metres, classes are named and the messages have none, or they make no scene.
     """
-    check_input(path, None, SourceError)
-    problem = partial(SourceError, path, None)
+    check_input(path)
+    problem = partial(InputError, path, None)
     with translate_errors(partial(problem, remedy=_REMEDY)), opened(path) as bag:
         connections = bag.connections
         topic, map_topic = (_as_in_bag(name, connections) for name in (topic, map_topic))
         sources = _people_topic(path, connections, topic)
         if set(classes) != set(PERSON_CLASSES) and (kind := sources[0].msgtype) != LABELLED:
             lack = f"{sources[0].topic} has no classes to choose from: it carries {kind}"
-            raise SourceError(path, None, lack, "Leave --class out")
+            raise InputError(path, None, lack, "Leave --class out")
         maps = _map_topic(path, connections, map_topic)
         ground, instants = _read(path, bag, [*sources, *maps, *_updates_of(maps, connections)], classes)
         topic = sources[0].topic
@@ -178,7 +178,7 @@ def _people_topic(path: Path, connections: Sequence[Connection], topic: str | No
     lack = "no topic carries people" if topic is None else f"{topic} carries no people"
     if carriers:
         lack = "several topics carry people: choose one (--topic)"
-    raise SourceError(path, None, f"{lack}, among {brief(candidates)}", _REMEDY)
+    raise InputError(path, None, f"{lack}, among {brief(candidates)}", _REMEDY)
 
 
 def _map_topic(path: Path, connections: Sequence[Connection], topic: str | None) -> list[Connection]:
@@ -190,7 +190,7 @@ def _map_topic(path: Path, connections: Sequence[Connection], topic: str | None)
         others = [name for name in names if not NO_MAP.search(name)]
         chosen = [MAP] if MAP in names else called_map or others
         if len(chosen) > 1:
-            raise SourceError(path, None, f"several topics carry a map: {brief(chosen)}", _MAP_REMEDY)
+            raise InputError(path, None, f"several topics carry a map: {brief(chosen)}", _MAP_REMEDY)
         if names and not chosen:
             _log.warning(
                 "%s: no map, the ground is free: %s are not maps. %s", path, brief(names), _MAP_REMEDY
@@ -198,5 +198,5 @@ def _map_topic(path: Path, connections: Sequence[Connection], topic: str | None)
     else:
         chosen = [topic] if topic else []
         if set(chosen) - set(names):
-            raise SourceError(path, None, f"{topic} carries no map, among {brief(names)}", _MAP_REMEDY)
+            raise InputError(path, None, f"{topic} carries no map, among {brief(names)}", _MAP_REMEDY)
     return [c for c in grids if c.topic in chosen]

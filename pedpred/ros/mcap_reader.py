@@ -20,7 +20,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 from zstandard import frame_content_size
 
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.ros.bag_files import BagFile, written_bytes
 from pedpred.ros.bag_reader import RecordReader
 from pedpred.ros.decoding import CDR, ROS1, Connection
@@ -69,13 +69,13 @@ def records(file: BagFile) -> Iterator[McapRecord]:
     """Read all records, those in chunks too; of a file that is cut those before the cut, with a warning.
 
     Raises:
-        SourceError: it is no MCAP file.
+        InputError: it is no MCAP file.
         Exception: it is damaged; see `pedpred.files.translate_errors`.
     """
     with file.content.open("rb") as stream:
         begin = stream.read(len(MCAP0_MAGIC))
         if begin != MCAP0_MAGIC:
-            raise SourceError(file.name, None, f"no MCAP file, it begins with {begin!r}", _REMEDY)
+            raise InputError(file.name, None, f"no MCAP file, it begins with {begin!r}", _REMEDY)
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as raw:
             size = len(raw)
             cut = size == len(MCAP0_MAGIC) or raw[-len(MCAP0_MAGIC) :] != MCAP0_MAGIC

@@ -17,7 +17,7 @@ from mcap.well_known import SchemaEncoding
 from mcap.writer import Writer
 from tqdm import tqdm
 
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.files import atomic_write, check_input, translate_errors
 from pedpred.ros.bag_files import BagFile
@@ -85,11 +85,11 @@ def read_recording(path: Path, transform: Transform | None = None) -> Scene:
         transform: of the people's frame, where it is not the map's.
 
     Raises:
-        SourceError: the file is no MCAP file or damaged, a topic is missing or has another type, or the
+        InputError: the file is no MCAP file or damaged, a topic is missing or has another type, or the
             messages make no scene.
     """
-    check_input(path, None, SourceError)
-    problem = partial(SourceError, path, None, remedy=_REMEDY)
+    check_input(path)
+    problem = partial(InputError, path, None, remedy=_REMEDY)
     rows: list[dict[str, Any]] = []
     bag, last, topics, frames = McapReader([BagFile(path, path)]), b"", set(), set()
     with translate_errors(lambda cause: problem(f"damaged, {cause}")):

@@ -12,7 +12,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from pedpred.errors import SourceError, brief
+from pedpred.errors import InputError, brief
 from pedpred.files import limit_values
 from pedpred.ros.bag_files import BagFile, written_bytes
 from pedpred.ros.bag_reader import BagReader
@@ -115,7 +115,7 @@ def _opened(file: BagFile) -> Iterator[sqlite3.Connection]:
             except sqlite3.DatabaseError as cause:
                 remedy = f"Try to repair it: sqlite3 {file.name} .recover | sqlite3 repaired.db3"
                 remedy += ". What is empty then was cut before its first message"
-                raise SourceError(file.name, None, f"damaged, {cause}", remedy) from cause
+                raise InputError(file.name, None, f"damaged, {cause}", remedy) from cause
 
 
 def _check_bag(base: sqlite3.Connection, file: BagFile) -> None:
@@ -124,7 +124,7 @@ def _check_bag(base: sqlite3.Connection, file: BagFile) -> None:
     if names and "topics" not in names:
         problem = f"a data base with the tables {brief(sorted(names))}, and none of topics, as bags have"
         remedy = "If it is a simulation of JuPedSim, give it a name that ends in .sqlite"
-        raise SourceError(file.name, None, problem, remedy)
+        raise InputError(file.name, None, problem, remedy)
 
 
 @contextmanager

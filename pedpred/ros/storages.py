@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mcap.writer import MCAP0_MAGIC
 
-from pedpred.errors import SourceError, brief
+from pedpred.errors import InputError, brief
 from pedpred.ros.bag_files import unpacked_files
 from pedpred.ros.bag_reader import BagReader
 from pedpred.ros.mcap_reader import McapReader
@@ -28,7 +28,7 @@ def opened(path: Path) -> Iterator[BagReader]:
     """Open a file, or the folder of a bag, until the block ends.
 
     Raises:
-        SourceError: it is not a bag, or its files are of several storages.
+        InputError: it is not a bag, or its files are of several storages.
     """
     with unpacked_files(path) as files:
         kinds = {
@@ -36,5 +36,5 @@ def opened(path: Path) -> Iterator[BagReader]:
         }
         if len(kinds) != 1 or not all(kinds):
             begins = brief({file.name.name: file.begins() for file in files})
-            raise SourceError(path, None, f"no bag, or several, whose files begin with {begins}", _REMEDY)
+            raise InputError(path, None, f"no bag, or several, whose files begin with {begins}", _REMEDY)
         yield _READERS[kinds.pop()](files)

@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.fields import parsed
 from pedpred.files import translate_errors
 from pedpred.scenes import Scene, Trajectories
@@ -44,13 +44,13 @@ def read_text(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
         settings: the fields of `EthUcySettings`.
 
     Raises:
-        SourceError: the file is missing or wrong; it names line and value.
+        InputError: the file is missing or wrong; it names line and value.
         ValueRuleError: a setting is out of range.
     """
     how: EthUcySettings = parsed(EthUcySettings, settings)
     path = folder / f"{how.recording}.txt"
     rows = read_annotations(path, COLUMNS, ("x", "y"))
-    with translate_errors(partial(SourceError, path, None)):
+    with translate_errors(partial(InputError, path, None)):
         trajectories = Trajectories(rows.frame / how.frame_rate_hz, rows.track_id, rows.position)
         ground = free_ground(rows.position, how.resolution_m, how.margin_m)
     return Scene(name, trajectories, ground, how.annotation_frames / how.frame_rate_hz)

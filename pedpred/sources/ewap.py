@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.errors import SourceError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.fields import check_ranges, parsed
 from pedpred.files import check_input, read_picture, translate_errors
 from pedpred.geometry import Homography
@@ -77,7 +77,7 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
         settings: the fields of `EwapSettings`.
 
     Raises:
-        SourceError: a file is missing or wrong; it names file, line and value.
+        InputError: a file is missing or wrong; it names file, line and value.
         ValueRuleError: a setting is out of range.
     """
     how: EwapSettings = parsed(EwapSettings, settings)
@@ -87,7 +87,7 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
     rows = read_annotations(folder / "obsmat.txt", COLUMNS, ("pos_x", "pos_y"))
     _check_in_picture(folder, rows, homography, blocked.shape)
     groups = _read_groups(folder / "groups.txt", set(rows.track_id.tolist()))
-    with translate_errors(partial(SourceError, folder / "obsmat.txt", None)):
+    with translate_errors(partial(InputError, folder / "obsmat.txt", None)):
         trajectories = Trajectories(
             time_s=rows.frame / how.frame_rate_hz,
             track_id=rows.track_id,
@@ -98,7 +98,7 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
         occupancy = occupancy_from_image(blocked, homography, rows.position, how.resolution_m, how.margin_m)
     except ValueRuleError as cause:
         problem = f"{cause}: an obstacle reaches the horizon, H.txt is wrong or resolution_m too small"
-        raise SourceError(folder / "map.png", None, problem) from cause
+        raise InputError(folder / "map.png", None, problem) from cause
     dt_s = how.annotation_frames / how.frame_rate_hz
     return Scene(name, trajectories, occupancy, dt_s, camera)
 
@@ -121,9 +121,9 @@ def read_annotations(path: Path, titles: Sequence[str], axes: tuple[str, str]) -
         axes: titles of the columns of x and y.
 
     Raises:
-        SourceError: the file is missing, empty or wrong, or somebody is in a frame twice; it names the line.
+        InputError: the file is missing, empty or wrong, or somebody is in a frame twice; it names the line.
     """
-    check_input(path, None, SourceError)
+    check_input(path)
     with add_path(path):
         table = read_columns(path, TextForm(titles, BLANKS), {name: name for name in titles}, ())
         if not table.num_rows:
@@ -151,7 +151,7 @@ def _check_unique(frame: np.ndarray, track_id: np.ndarray) -> None:
 
 
 def _read_homography(path: Path) -> Homography:
-    check_input(path, None, SourceError)
+    check_input(path)
     with add_path(path):
         names = ("h_1", "h_2", "h_3")
         table = read_columns(path, TextForm(names, BLANKS), {name: name for name in names}, ())
@@ -163,7 +163,7 @@ def _read_homography(path: Path) -> Homography:
 
 def _read_groups(path: Path, known: set[int]) -> dict[int, int]:
     """Return the group number of each pedestrian who is in a group."""
-    check_input(path, None, SourceError)
+    check_input(path)
     groups = []
     with add_path(path):
         for line, text in enumerate(read_lines(path), start=1):
@@ -187,12 +187,12 @@ def _read_camera(folder: Path, homography: Homography, shape: tuple[int, ...]) -
     picture = _read_image(path, "RGB")
     if picture.shape[:2] != shape:
         problem = f"{shape} pixels (rows, columns), but reference.png has {picture.shape[:2]}"
-        raise SourceError(folder / "map.png", None, problem)
+        raise InputError(folder / "map.png", None, problem)
     return Camera(homography, picture)
 
 
 def _read_image(path: Path, mode: str) -> np.ndarray:
-    return read_picture(path, mode, lambda text: SourceError(path, None, f"not a readable image ({text})"))
+    return read_picture(path, mode, lambda text: InputError(path, None, f"not a readable image ({text})"))
 
 
 def _check_in_picture(
@@ -209,7 +209,7 @@ def _check_in_picture(
             f"far outside map.png with its {shape} pixels, as are {outside.sum() - 1} others; "
             "this row, H.txt or map.png is wrong"
         )
-        raise SourceError(folder / "obsmat.txt", int(rows.line[row]), problem)
+        raise InputError(folder / "obsmat.txt", int(rows.line[row]), problem)
 
 
 def free_ground(points: np.ndarray, resolution_m: float, margin_m: float) -> OccupancyMap:

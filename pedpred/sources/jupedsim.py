@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.fields import check_ranges, finite, parsed
 from pedpred.files import check_input, translate_errors
 from pedpred.reading import table
@@ -68,13 +68,13 @@ def read_laboratory(folder: Path, name: str, settings: Mapping[str, Any]) -> Sce
         settings: the fields of `LaboratorySettings`.
 
     Raises:
-        SourceError: a file is missing or wrong; it names file, line and value.
+        InputError: a file is missing or wrong; it names file, line and value.
         ValueRuleError: a setting is out of range.
     """
     how: LaboratorySettings = parsed(LaboratorySettings, settings)
     path = folder / f"{how.recording}.txt"
     walls = read_walls(path.with_suffix(".xml"))
-    with translate_errors(partial(SourceError, path.with_suffix(".xml"), None)):
+    with translate_errors(partial(InputError, path.with_suffix(".xml"), None)):
         occupancy = occupancy_of(walls, how.resolution_m, how.thickness_m, how.open_ends, how.open_end_m)
     trajectories = read_tracks(path, how.frame_rate_hz)
     with add_path(path):
@@ -89,9 +89,9 @@ def read_tracks(path: Path, rate_hz: float | None = None) -> Trajectories:
         rate_hz: frames per second, needed if no comment has it.
 
     Raises:
-        SourceError: the file is missing or wrong; it names line and value.
+        InputError: the file is missing or wrong; it names line and value.
     """
     options = ReadOptions(columns=COLUMNS, rate_hz=rate_hz)
-    check_input(path, None, SourceError)
+    check_input(path)
     with add_path(path):
         return to_tracks(str(path), table.read(path, options), options).people

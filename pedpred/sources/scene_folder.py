@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.fields import parsed
 from pedpred.reading import table
 from pedpred.reading.checks import check_interval
@@ -34,15 +34,15 @@ def read_own(folder: Path, names: TrackNames | None = None) -> Scene:
         names: takes those of tracks whose ids are words.
 
     Raises:
-        StorageError: a file is missing or cannot be understood, or both tables are there; it names the file.
-        SourceError: the table cannot be understood.
+        InputError: a file is missing or cannot be understood, or both tables are there; it names the file.
+        InputError: the table cannot be understood.
     """
     stored, path = folder / "tracks.parquet", folder / "tracks.csv"
     if not path.exists():
         return read_scene(folder)
     if stored.exists():
         problem = f"{stored.name} is here too, and only one can be right"
-        raise StorageError(path, "file", problem, "Remove one of them")
+        raise InputError(path, "file", problem, "Remove one of them")
     with add_path(path):
         tracks = to_tracks(str(path), table.read(path, ReadOptions(), TRACK_COLUMNS), ReadOptions())
     if names is not None:
@@ -59,8 +59,8 @@ def read_folder(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
         settings: none, see `FolderSettings`.
 
     Raises:
-        StorageError: a file is missing or cannot be understood; the message names file and field.
-        SourceError: the times are not seconds.
+        InputError: a file is missing or cannot be understood; the message names file and field.
+        InputError: the times are not seconds.
         ValueRuleError: there are settings.
     """
     parsed(FolderSettings, settings)

@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from safetensors.torch import load_file, save_file
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.files import atomic_write, read_json, translate_errors, write_text
 
 _REMEDY = "Train the network again"
@@ -27,20 +27,20 @@ def read_checkpoint(folder: Path) -> tuple[dict[str, torch.Tensor], dict[str, An
     """Read weights and description.
 
     Raises:
-        StorageError: a file is missing or damaged.
+        InputError: a file is missing or damaged.
     """
     path = folder / "weights.safetensors"
-    with translate_errors(partial(StorageError, path, "file", remedy=_REMEDY)):
+    with translate_errors(partial(InputError, path, "file", remedy=_REMEDY)):
         weights = load_file(path)
     about = folder / "about.json"
-    return weights, read_json(about, partial(StorageError, about, "file", remedy=_REMEDY))
+    return weights, read_json(about, partial(InputError, about, "file", remedy=_REMEDY))
 
 
 def load_weights(module: torch.nn.Module, weights: dict[str, torch.Tensor], folder: Path) -> None:
     """Make weights those of a module, which may have none yet (device "meta").
 
     Raises:
-        StorageError: names or shapes do not fit the settings.
+        InputError: names or shapes do not fit the settings.
     """
-    with translate_errors(partial(StorageError, folder / "weights.safetensors", "weights", remedy=_REMEDY)):
+    with translate_errors(partial(InputError, folder / "weights.safetensors", "weights", remedy=_REMEDY)):
         module.load_state_dict(weights, assign=True)

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.files import atomic_write, translate_errors
 from pedpred.plain import parse_json
 
@@ -104,9 +104,9 @@ def read_about(path: Path) -> dict[str, Any]:
     """Read the values that `write_blocks` kept about a file.
 
     Raises:
-        StorageError: there are none, or the file is damaged.
+        InputError: there are none, or the file is damaged.
     """
-    with translate_errors(partial(StorageError, path, "schema", remedy=_REMEDY)):
+    with translate_errors(partial(InputError, path, "schema", remedy=_REMEDY)):
         return parse_json(pq.read_schema(path).metadata[_ABOUT_KEY])
 
 
@@ -114,9 +114,9 @@ def column_names(path: Path) -> list[str]:
     """Names of the columns of a file.
 
     Raises:
-        StorageError: the file is missing or damaged.
+        InputError: the file is missing or damaged.
     """
-    with translate_errors(partial(StorageError, path, "file", remedy=_REMEDY)):
+    with translate_errors(partial(InputError, path, "file", remedy=_REMEDY)):
         return pq.read_schema(path).names
 
 
@@ -124,9 +124,9 @@ def count_rows(path: Path) -> int:
     """Number of rows of a file.
 
     Raises:
-        StorageError: the file is damaged.
+        InputError: the file is damaged.
     """
-    with translate_errors(partial(StorageError, path, "file", remedy=_REMEDY)):
+    with translate_errors(partial(InputError, path, "file", remedy=_REMEDY)):
         return pq.read_metadata(path).num_rows
 
 
@@ -149,11 +149,11 @@ def read_blocks(
         version: what the file must have been written with.
 
     Raises:
-        StorageError: the file is damaged or of another version, or a column is missing, not of
+        InputError: the file is damaged or of another version, or a column is missing, not of
             numbers or of another shape; it names file and field.
     """
     with (
-        translate_errors(partial(StorageError, path, "file", remedy=_REMEDY)),
+        translate_errors(partial(InputError, path, "file", remedy=_REMEDY)),
         pq.ParquetFile(path, page_checksum_verification=True) as file,
     ):
         _check(path, file.schema_arrow, shapes, version)
@@ -163,7 +163,7 @@ def read_blocks(
             rows = file.metadata.row_group(group).num_rows
             if rows * row_bytes > largest:
                 problem = f"{rows} rows of {row_bytes} bytes, but at most {largest} bytes are decoded at once"
-                raise StorageError(path, "file", problem, _REMEDY)
+                raise InputError(path, "file", problem, _REMEDY)
             table = file.read_row_group(group, columns=list(shapes))
             yield {name: _read_column(path, name, table, shape) for name, shape in shapes.items()}
 
@@ -171,17 +171,17 @@ def read_blocks(
 def _check(path: Path, schema: pa.Schema, names: Iterable[str], version: int | None) -> None:
     stored = (schema.metadata or {}).get(_VERSION_KEY, b"none").decode()
     if version is not None and stored != str(version):
-        raise StorageError(path, "schema", f"version {stored}, expected {version}", _REMEDY)
+        raise InputError(path, "schema", f"version {stored}, expected {version}", _REMEDY)
     for name in names:
         if name not in schema.names:
-            raise StorageError(path, f"column {name}", "it is missing", _REMEDY)
+            raise InputError(path, f"column {name}", "it is missing", _REMEDY)
 
 
 def _width_bytes(path: Path, field: pa.Field) -> int:
     """Bytes of a column per row; only numbers, and lists and bytes of fixed length, are decoded."""
     kind = field.type.value_type if pa.types.is_fixed_size_list(field.type) else field.type
     if not any(known(kind) for known in (*_NUMBERS, pa.types.is_fixed_size_binary)):
-        raise StorageError(path, f"column {field.name}", f"{field.type}, not numbers", _REMEDY)
+        raise InputError(path, f"column {field.name}", f"{field.type}, not numbers", _REMEDY)
     count = field.type.list_size if pa.types.is_fixed_size_list(field.type) else 1
     return count * -(-kind.bit_width // 8)
 
@@ -207,7 +207,7 @@ def _read_column(path: Path, name: str, table: pa.Table, shape: tuple[int, ...])
     except ValueError as cause:
         missing = f" with {column.null_count} missing values" if column.null_count else ""
         problem = f"{column.type}{missing}, expected numbers of shape {shape} in each row"
-        raise StorageError(path, f"column {name}", problem, _REMEDY) from cause
+        raise InputError(path, f"column {name}", problem, _REMEDY) from cause
 
 
 def _from_arrow(column: pa.Array, shape: tuple[int, ...]) -> np.ndarray:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.errors import StorageError, brief
+from pedpred.errors import InputError, brief
 from pedpred.features import StoredColumn
 from pedpred.files import read_json, translate_errors, write_json
 from pedpred.models.features import RowFormat
@@ -27,12 +27,12 @@ def check_types(path: Path, columns: Mapping[str, np.ndarray], wanted: Mapping[s
     """Check the types of columns that were read from a file.
 
     Raises:
-        StorageError: one has another type; it is named.
+        InputError: one has another type; it is named.
     """
     for name, column in wanted.items():
         if columns[name].dtype != column.dtype:
             problem = f"it is {columns[name].dtype}, expected {column.dtype}"
-            raise StorageError(path, f"column {name}", problem, _REMEDY)
+            raise InputError(path, f"column {name}", problem, _REMEDY)
 
 
 def write_about(
@@ -65,15 +65,15 @@ def read_manifest_of(folder: Path, schema: int, files: str) -> tuple[RowFormat, 
         files: name of the entry.
 
     Raises:
-        StorageError: the manifest is missing, damaged or of another schema version, or names files elsewhere.
+        InputError: the manifest is missing, damaged or of another schema version, or names files elsewhere.
     """
     path = folder / "manifest.json"
-    wording = partial(StorageError, path, "manifest", remedy=_REMEDY)
+    wording = partial(InputError, path, "manifest", remedy=_REMEDY)
     about = read_json(path, wording)
     with translate_errors(wording):
         if about["schema"] != schema:
-            raise StorageError(path, "schema", f"{brief(about['schema'])}, expected {schema}", _REMEDY)
+            raise InputError(path, "schema", f"{brief(about['schema'])}, expected {schema}", _REMEDY)
         for name in about[files]:
             if Path(name).name != name:
-                raise StorageError(path, files, f"{brief(name)} is no name of a file in this folder", _REMEDY)
+                raise InputError(path, files, f"{brief(name)} is no name of a file in this folder", _REMEDY)
         return RowFormat.parse(about), about[files]

@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from pedpred.errors import StorageError, brief
+from pedpred.errors import InputError, brief
 from pedpred.files import atomic_write, open_picture, read_yaml, translate_errors, write_text
 from pedpred.scenes import OccupancyMap
 from pedpred.storage.pixels import MODES, blocked_cells, blocked_greys
@@ -60,15 +60,15 @@ def read_map_file(path: Path, remedy: str = _REMEDY) -> OccupancyMap:
         remedy: of errors.
 
     Raises:
-        StorageError: a file is missing or damaged, a field is missing or has another meaning, the map is
+        InputError: a file is missing or damaged, a field is missing or has another meaning, the map is
             rotated, or its picture is huge or lies elsewhere.
     """
-    wording = partial(StorageError, path, "map", remedy=remedy)
+    wording = partial(InputError, path, "map", remedy=remedy)
     about = read_yaml(path, wording)
     x, y = _origin(path, about)
     picture = picture_of(path, about)
     mode, negate, occupied_thresh, free_thresh = _meaning(path, about)
-    with open_picture(picture, partial(StorageError, picture, "file", remedy=remedy)) as image:
+    with open_picture(picture, partial(InputError, picture, "file", remedy=remedy)) as image:
         occupied = blocked_cells(image, blocked_greys(mode, negate, occupied_thresh, free_thresh), mode)
     resolution_m = _number(path, "resolution", _field(path, about, "resolution"))
     with translate_errors(wording):
@@ -86,12 +86,12 @@ def picture_of(path: Path, about: dict[str, Any]) -> Path:
         about: its content.
 
     Raises:
-        StorageError: there is no such picture, or it is outside.
+        InputError: there is no such picture, or it is outside.
     """
     image = _field(path, about, "image")
     if not isinstance(image, str) or not image.strip() or "\0" in image:
         problem = f"{brief(image)} is no file name"
-        raise StorageError(path, "image", problem, f"Name the picture: image: {_USUAL['image']}")
+        raise InputError(path, "image", problem, f"Name the picture: image: {_USUAL['image']}")
     windows = PureWindowsPath(image)
     folders = {path.parent.resolve(), path.resolve().parent}
     places = [path.parent / image, path.parent.joinpath(*windows.parts)]
@@ -103,7 +103,7 @@ def picture_of(path: Path, about: dict[str, Any]) -> Path:
     name = windows.name if 0 < len(windows.name) < _LONGEST_NAME and windows.name != ".." else _USUAL["image"]
     problem = f"{brief(image)} is no file in the folder of {path.name}, and no other folder is read"
     remedy = f"Copy the picture to {name} beside {path.name}"
-    raise StorageError(path, "image", problem, f"{remedy}, and write image: {name}")
+    raise InputError(path, "image", problem, f"{remedy}, and write image: {name}")
 
 
 def _is_picture_in(folders: set[Path], place: Path) -> bool:
@@ -116,7 +116,7 @@ def _is_picture_in(folders: set[Path], place: Path) -> bool:
 
 def _field(path: Path, about: dict[str, Any], key: str) -> Any:
     if key not in about:
-        raise StorageError(path, key, f"'{key}' is missing", f"Add it, such as {key}: {_USUAL[key]}")
+        raise InputError(path, key, f"'{key}' is missing", f"Add it, such as {key}: {_USUAL[key]}")
     return about[key]
 
 
@@ -128,17 +128,17 @@ def _number(path: Path, key: str, value: Any) -> float:
         return float(value)
     except (TypeError, ValueError, OverflowError) as cause:
         problem = f"{key} = {brief(value)} is not a number"
-        raise StorageError(path, key, problem, f"Write a number, such as {key}: {_USUAL[key]}") from cause
+        raise InputError(path, key, problem, f"Write a number, such as {key}: {_USUAL[key]}") from cause
 
 
 def _origin(path: Path, about: dict[str, Any]) -> tuple[float, float]:
     """World position of the outer corner at the lower left of the picture, m."""
     origin, remedy = _field(path, about, "origin"), f"Write x, y and yaw: origin: {_USUAL['origin']}"
     if not isinstance(origin, list) or len(origin) != 3:
-        raise StorageError(path, "origin", f"{brief(origin)}, expected three numbers", remedy)
+        raise InputError(path, "origin", f"{brief(origin)}, expected three numbers", remedy)
     x, y, yaw = (_number(path, "origin", value) for value in origin)
     if yaw:
-        raise StorageError(path, "origin", f"yaw is {brief(yaw)} rad", "Only maps with yaw 0 are understood")
+        raise InputError(path, "origin", f"yaw is {brief(yaw)} rad", "Only maps with yaw 0 are understood")
     return x, y
 
 
@@ -147,13 +147,13 @@ def _meaning(path: Path, about: dict[str, Any]) -> tuple[str, bool, float, float
     mode = _word(about.get("mode", MODES[0]))
     if mode not in MODES:
         problem = f"mode = {brief(about['mode'])}, expected one of {', '.join(MODES)}"
-        raise StorageError(path, "mode", problem, "Correct it, or leave it out for trinary")
+        raise InputError(path, "mode", problem, "Correct it, or leave it out for trinary")
     if mode == "raw":
         return mode, False, 1.0, 0.0
     negate = _word(_field(path, about, "negate"))
     if negate not in (*_TRUE, *_FALSE):
         problem = f"negate = {brief(about['negate'])}, but it must be 0 or 1"
-        raise StorageError(path, "negate", problem, "Write negate: 0 where dark is blocked, else 1")
+        raise InputError(path, "negate", problem, "Write negate: 0 where dark is blocked, else 1")
     free_thresh = (
         _probability(path, about, "free_thresh") if mode == "scale" or "free_thresh" in about else -1.0
     )
@@ -171,5 +171,5 @@ def _probability(path: Path, about: dict[str, Any], key: str) -> float:
     value = _number(path, key, _field(path, about, key))
     if not 0 <= value <= 1:
         problem = f"{key} = {brief(about[key])}, but it must be a probability, a number from 0 to 1"
-        raise StorageError(path, key, problem, "Divide percentages by 100")
+        raise InputError(path, key, problem, "Divide percentages by 100")
     return value

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pedpred.errors import StorageError, brief
+from pedpred.errors import InputError, brief
 from pedpred.files import (
     Wording,
     atomic_write,
@@ -38,11 +38,11 @@ def write_scene(scene: Scene, folder: Path) -> None:
     """Write a scene; `read_scene` returns an equal one.
 
     Raises:
-        StorageError: the folder holds a table of tracks, which is not replaced.
+        InputError: the folder holds a table of tracks, which is not replaced.
     """
     if (folder / "tracks.csv").exists():
         problem = "tracks.parquet would contradict it as soon as one of them changes"
-        raise StorageError(folder / "tracks.csv", "file", problem, _ONE)
+        raise InputError(folder / "tracks.csv", "file", problem, _ONE)
     write_parquet_tracks(scene.trajectories, folder / "tracks.parquet")
     write_map(scene.occupancy, folder)
     about: dict[str, object] = {
@@ -69,12 +69,12 @@ def read_scene(folder: Path, trajectories: Trajectories | None = None) -> Scene:
         trajectories: those of the scene; None: they are in its `tracks.parquet`.
 
     Raises:
-        StorageError: a file is missing or cannot be understood; it names file and field.
+        InputError: a file is missing or cannot be understood; it names file and field.
     """
     path = folder / "scene.json"
     about = read_json(path, _wording(path, "file"))
     if about.get("schema") != SCENE_SCHEMA:
-        raise StorageError(path, "schema", f"{brief(about.get('schema'))}, expected {SCENE_SCHEMA}", _REMEDY)
+        raise InputError(path, "schema", f"{brief(about.get('schema'))}, expected {SCENE_SCHEMA}", _REMEDY)
     if trajectories is None:
         trajectories = read_parquet_tracks(folder / "tracks.parquet")
     free = not (folder / "map.yaml").exists()
@@ -94,7 +94,7 @@ def scene_folders(folder: Path) -> list[Path]:
         return [folder]
     folders = sorted(path.parent for path in folder.glob("*/scene.json"))
     if not folders:
-        raise StorageError(folder, "scene.json", "no scene is here", _REMEDY)
+        raise InputError(folder, "scene.json", "no scene is here", _REMEDY)
     return folders
 
 
@@ -109,4 +109,4 @@ def _write_picture(picture: np.ndarray, path: Path) -> None:
 
 
 def _wording(path: Path, field: str) -> Wording:
-    return partial(StorageError, path, field, remedy=_REMEDY)
+    return partial(InputError, path, field, remedy=_REMEDY)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.features import FeatureTable, StoredColumn
 from pedpred.files import translate_errors
 from pedpred.models.features import RowFormat
@@ -87,10 +87,10 @@ def read_manifest(folder: Path) -> tuple[RowFormat, dict[str, str]]:
     """What a feature folder was made with, and its shards: name -> digest of its scene, which variants share.
 
     Raises:
-        StorageError: the manifest is missing, damaged or of another schema version.
+        InputError: the manifest is missing, damaged or of another schema version.
     """
     made_with, shards = read_manifest_of(folder, FEATURE_SCHEMA, "shards")
-    with translate_errors(partial(StorageError, folder / "manifest.json", "shards", remedy=_REMEDY)):
+    with translate_errors(partial(InputError, folder / "manifest.json", "shards", remedy=_REMEDY)):
         return made_with, {name: str(shard["scene_sha256"]) for name, shard in shards.items()}
 
 
@@ -98,7 +98,7 @@ def has_rows(folder: Path) -> bool:
     """Return whether a feature folder has any row; places without recording have none.
 
     Raises:
-        StorageError: the manifest or a shard is damaged.
+        InputError: the manifest or a shard is damaged.
     """
     paths = [folder / f"{name}.parquet" for name in read_manifest(folder)[1]]
     return any(count_rows(path) for path in paths)
@@ -114,7 +114,7 @@ def read_shard_blocks(folder: Path, name: str, made_with: RowFormat) -> Iterator
     """Read one scene's feature table block by block, whole tracks each.
 
     Raises:
-        StorageError: the shard is damaged or of another schema version, or a column is missing or of
+        InputError: the shard is damaged or of another schema version, or a column is missing or of
             another type or size; it names file and field.
     """
     for columns in _blocks(folder / f"{name}.parquet", columns_of(made_with)):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.features import StoredColumn
 from pedpred.files import translate_errors
 from pedpred.models.features import RowFormat
@@ -56,10 +56,10 @@ def read_situations_manifest(folder: Path) -> tuple[RowFormat, list[str]]:
     """What a set was made with, and the names of its files.
 
     Raises:
-        StorageError: the manifest is missing, damaged or of another schema version.
+        InputError: the manifest is missing, damaged or of another schema version.
     """
     made_with, names = read_manifest_of(folder, SITUATION_SCHEMA, "names")
-    with translate_errors(partial(StorageError, folder / "manifest.json", "names", remedy=_REMEDY)):
+    with translate_errors(partial(InputError, folder / "manifest.json", "names", remedy=_REMEDY)):
         return made_with, [str(name) for name in names]
 
 
@@ -70,7 +70,7 @@ def read_situations(folder: Path, name: str, made_with: RowFormat) -> dict[str, 
         Input -> [M, width], and `future`, [M, P, 2].
 
     Raises:
-        StorageError: the file is damaged or of another schema version, or a column is missing or of
+        InputError: the file is damaged or of another schema version, or a column is missing or of
             another type or size; it names file and field.
     """
     path, wanted = folder / f"{name}.parquet", situation_columns(made_with)

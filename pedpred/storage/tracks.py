@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.files import atomic_write, translate_errors
 from pedpred.scenes import Trajectories
 from pedpred.storage.columns import column_names, count_rows, read_columns
@@ -39,19 +39,19 @@ def tracks_of(table: Mapping[str, Any] | pd.DataFrame, path: Path) -> Trajectori
     """Return the trajectories in the columns of `tracks_table`; `path` is the file for error messages.
 
     Raises:
-        StorageError: a column is missing or holds no numbers; it is named.
+        InputError: a column is missing or holds no numbers; it is named.
     """
     values: dict[str, np.ndarray] = {}
     for field, names in _COLUMNS.items():
         missing = [name for name in names if name not in table]
         if missing and field in ("time_s", "track_id", "position"):
-            raise StorageError(path, f"column {missing[0]}", "it is missing", _REMEDY)
+            raise InputError(path, f"column {missing[0]}", "it is missing", _REMEDY)
         if missing:
             continue
         columns = [np.asarray(table[name]) for name in names]
         for name, column in zip(names, columns, strict=True):
             if column.dtype.kind not in "biuf":
-                raise StorageError(path, f"column {name}", f"{column.dtype}, not numbers", _REMEDY)
+                raise InputError(path, f"column {name}", f"{column.dtype}, not numbers", _REMEDY)
         values[field] = np.stack(columns, axis=-1) if len(columns) > 1 else columns[0]
     return Trajectories(**values)
 
@@ -66,13 +66,13 @@ def read_parquet_tracks(path: Path) -> Trajectories:
     """Read trajectories from Parquet; only their columns are decoded.
 
     Raises:
-        StorageError: the file is missing, damaged or too long, or a column is missing or holds no numbers.
+        InputError: the file is missing, damaged or too long, or a column is missing or holds no numbers.
     """
     names = [name for name in column_names(path) if name in TRACK_COLUMNS]
     rows = count_rows(path)
     if rows * len(names) > MOST_NUMBERS:
         problem = f"{rows} rows of {len(names)} numbers, at most {MOST_NUMBERS} numbers are read"
-        raise StorageError(path, "file", problem, "Divide the recording")
+        raise InputError(path, "file", problem, "Divide the recording")
     columns = read_columns(path, dict.fromkeys(names, ()))
-    with translate_errors(lambda problem: StorageError(path, "file", problem, _REMEDY)):
+    with translate_errors(lambda problem: InputError(path, "file", problem, _REMEDY)):
         return tracks_of(columns, path)

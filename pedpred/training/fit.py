@@ -15,7 +15,7 @@ import torch
 from torch.optim.swa_utils import AveragedModel
 
 from pedpred.datasets.rows import EMBEDDED, TrainingRows
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.files import atomic_write, translate_errors
 from pedpred.models.contract import ForecastNetwork, NetworkSettings
 from pedpred.models.lstm.encoding import encode, load_encoder
@@ -63,7 +63,7 @@ def initialise(
         seed: of all other weights.
 
     Raises:
-        StorageError: the checkpoint is missing, damaged or does not fit the settings.
+        InputError: the checkpoint is missing, damaged or does not fit the settings.
     """
     torch.manual_seed(seed)
     network = settings.build(rows.widths, rows.horizon_steps)
@@ -75,7 +75,7 @@ def initialise(
         return network
     encoder = load_encoder(previous)
     remedy = "Train the auto-encoder with the sizes of the network"
-    with translate_errors(partial(StorageError, previous / "weights.safetensors", "weights", remedy=remedy)):
+    with translate_errors(partial(InputError, previous / "weights.safetensors", "weights", remedy=remedy)):
         network.take_encoder(encoder)
     return network
 
@@ -102,7 +102,7 @@ def fit(
         The network, the mean curve of the runs, and the checkpoint's description.
 
     Raises:
-        StorageError: the checkpoint is missing, damaged or does not fit.
+        InputError: the checkpoint is missing, damaged or does not fit.
         ValueRuleError: several runs have no weights to start from.
     """
     runs = settings.runs

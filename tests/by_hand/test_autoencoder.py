@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.models.lstm.autoencoder import (
     GridAutoencoder,
     GridEncoder,
@@ -211,7 +211,7 @@ def test_a_stored_auto_encoder_is_read_with_its_sizes(tmp_path, tied):
             assert torch.equal(weights, encoder.get_parameter(name.removeprefix("encoder.")))
     write_checkpoint(tmp_path, network.state_dict(), {"cells": 12})
     for read in (read_autoencoder, load_encoder):
-        with pytest.raises(StorageError, match=r"about\.json"):
+        with pytest.raises(InputError, match=r"about\.json"):
             read(tmp_path)
 
 

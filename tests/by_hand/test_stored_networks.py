@@ -7,7 +7,7 @@ import onnxruntime
 import pytest
 import torch
 
-from pedpred.errors import StorageError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.features import ForecastProtocol
 from pedpred.models.export import ExportedStep, export_onnx, store_half
 from pedpred.models.features import RowFormat
@@ -75,7 +75,7 @@ def test_a_network_on_disk_is_described_and_read(tmp_path):
         assert torch.equal(other.state_dict()[name], weights)
     write_checkpoint(tmp_path, network.state_dict(), {"kind": "motion"})
     for read in (load_network, load_format):
-        with pytest.raises(StorageError, match=r"about\.json"):
+        with pytest.raises(InputError, match=r"about\.json"):
             read(tmp_path)
 
 

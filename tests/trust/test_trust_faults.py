@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from pedpred.errors import WorkerError, user_errors
+from pedpred.errors import PedpredError, user_errors
 from pedpred.workers import in_parallel
 from tests.configuration import read
 from tests.trust.faults import CLOCK, killed, killed_half_trained, plan, under_a_jumping_clock
@@ -18,7 +18,7 @@ from tests.trust.project import ROOT, kinds, pipeline
 def test_a_killed_worker_is_said_in_words(monkeypatch):
     """As one is that takes too much memory; its job is none of this module, whose imports take seconds."""
     monkeypatch.setenv("PEDPRED_JOBS", "2")
-    with pytest.raises(WorkerError, match=r"simulate main: a worker process was killed.*PEDPRED_JOBS=1"):
+    with pytest.raises(PedpredError, match=r"simulate main: a worker process was killed.*PEDPRED_JOBS=1"):
         in_parallel(signal.raise_signal, [(signal.SIGKILL,)] * 2, "simulate main", "room")
 
 

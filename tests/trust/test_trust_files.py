@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.files import MOST_PIXELS, atomic_write, write_text
 from pedpred.reading import FORMATS, format_of
 from pedpred.reading.options import ReadOptions
@@ -78,8 +78,8 @@ def raising(error):
     ("reader", "expected"),
     [
         (Reader(lambda folder: None, ("a.txt",), lambda folder: None), READ),
-        (raising(StorageError("a.txt", "field", "wrong", "Repair it")), REFUSED),
-        (raising(StorageError("elsewhere", "field", "wrong", "Repair it")), LOST),
+        (raising(InputError("a.txt", "field", "wrong", "Repair it")), REFUSED),
+        (raising(InputError("elsewhere", "field", "wrong", "Repair it")), LOST),
         (raising(KeyError("field")), LOST),
         (raising(MemoryError()), LOST),
     ],
@@ -127,7 +127,7 @@ def test_a_bomb_is_refused_by_name(folder, file, content, named):
 def test_a_map_far_beyond_the_largest_is_refused_before_its_pixels_are_decoded(folder, monkeypatch):
     monkeypatch.setattr(Image.Image, "convert", lambda *_: pytest.fail("it was decoded"))
     (folder / "map.pgm").write_bytes(b"P5\n40000 25000\n255\n")
-    with pytest.raises(StorageError, match="pixels"):
+    with pytest.raises(InputError, match="pixels"):
         read_map(folder)
 
 

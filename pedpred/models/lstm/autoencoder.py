@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as f
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.files import translate_errors
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
@@ -81,12 +81,12 @@ def read_autoencoder(folder: Path) -> tuple[GridAutoencoder, int]:
     """A pre-trained auto-encoder and the cells per side of its crops.
 
     Raises:
-        StorageError: a file is missing, damaged or of another network.
+        InputError: a file is missing, damaged or of another network.
     """
     weights, about = read_checkpoint(folder)
     tied = not any(name.startswith("decoder.") for name in weights)
     with translate_errors(
-        partial(StorageError, folder / "about.json", "settings", remedy="Train the auto-encoder again")
+        partial(InputError, folder / "about.json", "settings", remedy="Train the auto-encoder again")
     ):
         cells = int(about["cells"])
         network = GridAutoencoder(cells, about["settings"]["latent"], tied)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pedpred.errors import StorageError
+from pedpred.errors import InputError
 from pedpred.files import translate_errors
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.features.grids import unpack_crops
@@ -23,11 +23,11 @@ def load_encoder(folder: Path) -> GridEncoder:
     """The encoder of a pre-trained auto-encoder.
 
     Raises:
-        StorageError: a file is missing, damaged or of another network.
+        InputError: a file is missing, damaged or of another network.
     """
     weights, about = read_checkpoint(folder)
     with translate_errors(
-        partial(StorageError, folder / "about.json", "settings", remedy="Train the encoder again")
+        partial(InputError, folder / "about.json", "settings", remedy="Train the encoder again")
     ):
         encoder = GridEncoder(int(about["cells"]), about["settings"]["latent"])
     of_encoder = {name.removeprefix(_PREFIX): w for name, w in weights.items() if name.startswith(_PREFIX)}

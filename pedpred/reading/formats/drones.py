@@ -35,7 +35,7 @@ def read(path: Path, options: ReadOptions) -> Table:
 
     Raises:
         ContentError: a column is missing, or nobody is a pedestrian.
-        SourceError: one of the other files is missing or wrong.
+        InputError: one of the other files is missing or wrong.
     """
     if _TRACKS not in path.name:
         problem = "two files beside it are found by the name of this one, which is not NN_tracks.csv"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from pedpred.errors import SourceError
+from pedpred.errors import InputError
 from pedpred.files import translate_errors
 from pedpred.reading.errors import add_path
 from pedpred.reading.geometry.raster import Geometry, occupancy_of
@@ -29,11 +29,11 @@ def read_walls(path: Path) -> Geometry:
     """Read a geometry file.
 
     Raises:
-        SourceError: it is of no kind that is read, or its reader refuses it.
+        InputError: it is of no kind that is read, or its reader refuses it.
     """
     if not is_geometry(path):
         problem = f"files of type {path.suffix or 'unknown'} are not read"
-        raise SourceError(path, None, problem, f"Give a file {', '.join(GEOMETRIES)}")
+        raise InputError(path, None, problem, f"Give a file {', '.join(GEOMETRIES)}")
     with add_path(path):
         return GEOMETRIES[path.suffix.lower()](path)
 
@@ -49,9 +49,9 @@ def read_ground(
         open_ends: see `occupancy_of`.
 
     Raises:
-        SourceError: they make no map, or an open end does not lie on them.
+        InputError: they make no map, or an open end does not lie on them.
     """
-    with translate_errors(partial(SourceError, path, None, remedy=_WRONG)):
+    with translate_errors(partial(InputError, path, None, remedy=_WRONG)):
         return occupancy_of(walls, CELL_M, WALL_M, open_ends, _OPEN_END_M)
 
 
