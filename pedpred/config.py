@@ -133,8 +133,7 @@ def arguments_of(root: Path, script: str, overrides: Iterable[str] = ()) -> tupl
         script: of the stage. One that is not in dvc.yaml may have any argument.
         overrides: of the command line.
     """
-    stages = read_yaml(root / "dvc.yaml", partial(ConfigError, "dvc.yaml", None))["stages"].values()
-    commands = " ".join(entry.get("do", entry)["cmd"] for entry in stages)
+    commands = " ".join(entry.get("do", entry)["cmd"] for entry in _stages(root))
     texts = re.findall(rf"python -m stages\.{script}\b(.*?)(?=python -m|$)", commands)
     if not texts:
         return ARGUMENTS
@@ -144,6 +143,12 @@ def arguments_of(root: Path, script: str, overrides: Iterable[str] = ()) -> tupl
     outputs = OUTPUTS if script in WITH_CURVE else ("out",)
     read = {*itertools.chain(*(alike or runs)), *outputs}
     return tuple(name for name in ARGUMENTS if name in read)
+
+
+def _stages(root: Path) -> Iterator[dict[str, Any]]:
+    """Entries of all stages in the pipelines of a project."""
+    for path in [root / "dvc.yaml", *sorted(root.glob("studies/*/dvc.yaml"))]:
+        yield from read_yaml(path, partial(ConfigError, str(path), None))["stages"].values()
 
 
 def _usage(script: str, arguments: Iterable[str], purpose: str) -> str:
@@ -282,7 +287,8 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
     seen = OmegaConf.create()
     try:
         with repo.Repo(str(root), uninitialized=True) as project:
-            file = dvcfile.load_file(project, str(root / "dvc.yaml"))
+            pipeline = address.rpartition(":")[0] or "dvc.yaml"
+            file = dvcfile.load_file(project, str(root / pipeline))
             file.lockfile_contents = {}  # dvc.lock is not needed, and another `dvc repro` may be writing it
             for need in file.stages[address.rpartition(":")[2]].deps:
                 for key, value in _parameters_from(need, root).items():

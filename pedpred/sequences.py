@@ -21,12 +21,14 @@ from pedpred.tracking import follow
 
 @dataclass(frozen=True)
 class SequenceSets:
-    """Which worlds there are.
+    """Which simulated people there are.
 
     Attributes:
+        scenes: rows of conf/simulations, which are perceived as these say.
         worlds: kind of world -> number of worlds.
     """
 
+    scenes: tuple[str, ...]
     worlds: Mapping[str, int]
 
     def __post_init__(self) -> None:

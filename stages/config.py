@@ -30,6 +30,7 @@ from pedpred.fields import check_names, parsed, parsed_each, parsed_together
 from pedpred.files import write_text
 from pedpred.forecasting import MethodRow
 from pedpred.literature.settings import ComparisonSettings
+from pedpred.models import ARCHITECTURES
 from pedpred.models.features import FEATURES
 from pedpred.models.registry import parse_settings
 from pedpred.report.findings import Paper
@@ -55,28 +56,27 @@ from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.sources import SETTINGS, SOURCES
 from pedpred.sources.eth_ucy import EthUcySettings
 from pedpred.sources.mirrors import Mirrors
-from pedpred.training import AutoencoderSettings, InstantSettings
+from pedpred.training import AutoencoderSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
+from stages import eth_ucy
+from stages.code import write_code
 from stages.drive import trials_of
-from stages.features import features_of, kalman_of, protocol_of
-from stages.literature import comparison_of
+from stages.eth_ucy import MODELS, PHASES, comparison_of
+from stages.perception import features_of, kalman_of, protocol_of
 from stages.simulate import LAYOUTS, read_layouts
-from stages.train import GROUPS, PHASES, settings_of
-from stages.train_far import phase_of
+from stages.train import NONE, phase_of, training_of
 from stages.validate_simulation import flow_of
 
 WITHOUT_VELOCITIES = ("eth_ucy", "ewap", "jupedsim")
 """Those of `SOURCES` whose recordings are positions alone."""
+WHERE = {field.name for field in fields(DeviceSettings)}
+"""Keys of `training` that are no phases."""
 SENSED = "simulated/worlds"
 """Set of step sequences of worlds that a sensor sees; there are no scenes of it."""
 STUDIES = {"sim": False, "transfer": False, "real": True}
 """Groups of conf/folds, and whether their folds are trained."""
-TRAINED = ("models/main", "models/robot", "models/far")
-"""Folders of networks that belong to no fold."""
-METHODS = ("baselines", "networks", "memoryless")
+METHODS = ("baselines", "networks")
 """Groups of conf/methods."""
-READS = {"networks": "lstm", "memoryless": "mixture"}
-"""Groups of networks, and the row of conf/features whose inputs their training rows hold."""
 STAMP = "data/config.checked"
 """What rows have as their input that need no scenes."""
 Params = Mapping[str, Any]
@@ -163,7 +163,7 @@ def _methods(cfg: Params) -> None:
                 if group != "baselines":
                     with configured(f"methods.{group}.{key}.settings"):
                         network = parse_settings(method.settings)
-                    _inputs(cfg, group, key, network.channels_read)
+                    _inputs(cfg, key, network.channels_read)
                 else:
                     baseline(key, method.settings)
     keys = _keys(cfg)
@@ -171,17 +171,33 @@ def _methods(cfg: Params) -> None:
         raise ConfigError("methods", twice, "a name must be that of one row")
 
 
-def _inputs(cfg: Params, group: str, key: str, read: Iterable[str]) -> None:
-    """Check that the training rows of a group hold what a network reads."""
-    features = features_of(cfg, READS[group])
+def _inputs(cfg: Params, key: str, read: Iterable[str]) -> None:
+    """Check that training rows hold what a network reads."""
+    architecture = cfg["methods"]["networks"][key]["settings"]["architecture"]
+    features = features_of(cfg, ARCHITECTURES[architecture].features)
     columns = {name: np.zeros((0, *column.shape)) for name, column in features.columns().items()}
-    held = {*features.channels({"state": np.zeros((0, 2)), **columns})}
-    held |= {EMBEDDED} if group == "networks" else set()
+    held = {*features.channels({"state": np.zeros((0, 2)), **columns}), EMBEDDED}
     if missing := sorted(set(read) - held):
-        architecture = cfg["methods"][group][key]["settings"]["architecture"]
-        trained = f"networks of {group} are trained on {', '.join(sorted(held))}"
-        rule = f"it reads {', '.join(missing)}, but {trained}"
-        raise ConfigError(f"methods.{group}.{key}.settings.architecture", architecture, rule)
+        rule = f"it reads {', '.join(missing)}, but its training rows hold {', '.join(sorted(held))}"
+        raise ConfigError(f"methods.networks.{key}.settings.architecture", architecture, rule)
+
+
+def _trainings(cfg: Params) -> None:
+    """Check that trainings fit together: what each starts from is what another one writes, of its network."""
+    rows = {name: training_of(cfg, name) for name in part(cfg, "trainings")}
+    written = {it.weights: it.network for it in rows.values()}
+    for name, it in rows.items():
+        key = f"trainings.{name}"
+        _names(f"{key}.network", [it.network], cfg["methods"]["networks"])
+        architecture = cfg["methods"]["networks"][it.network]["settings"]["architecture"]
+        if it.architecture != architecture:
+            raise ConfigError(f"{key}.architecture", it.architecture, f"{it.network} has {architecture}")
+        _names(f"{key}.phase", [it.phase], [phase for phase in cfg["training"] if phase not in WHERE])
+        if it.previous not in (NONE, it.encoder) and written.get(it.previous) != it.network:
+            rule = f"no row of trainings writes weights of {it.network} there"
+            raise ConfigError(f"{key}.previous", it.previous, rule)
+        if it.folds:
+            _names(f"{key}.folds", [it.folds], cfg["folds"])
 
 
 def _keys(cfg: Params) -> list[str]:
@@ -189,9 +205,13 @@ def _keys(cfg: Params) -> list[str]:
     return [key for rows in cfg["methods"].values() for key in rows]
 
 
-def _networks(cfg: Params) -> list[str]:
-    """Names of all networks."""
-    return [key for group, rows in cfg["methods"].items() if group != "baselines" for key in rows]
+def _weights(cfg: Params, network: str) -> list[str]:
+    """Checkpoints of a network that trainings write."""
+    weights = [f"{MODELS}/{name}/worlds" for name in cfg["literature"]["networks"] if name == network]
+    for it in (training_of(cfg, name) for name in cfg["trainings"]):
+        folds = cfg["folds"][it.folds] if it.folds else [""]
+        weights += [f"{it.weights}/{fold}".rstrip("/") for fold in folds if it.network == network]
+    return weights
 
 
 def _online(cfg: Params) -> None:
@@ -199,9 +219,8 @@ def _online(cfg: Params) -> None:
         _, rows = parsed_together([Following, OnlineRows], part(cfg, "online"))
     for name, export in rows.exports.items():
         kalman_of(cfg, export.tracker)
-        _names(f"online.exports.{name}.network", [export.network], _networks(cfg))
-        folders = [*TRAINED, *(f"models/folds/{fold}" for fold in cfg["folds"]["real"])]
-        _names(f"online.exports.{name}.networks", [export.networks], folders)
+        _names(f"online.exports.{name}.network", [export.network], cfg["methods"]["networks"])
+        _names(f"online.exports.{name}.weights", [export.weights], _weights(cfg, export.network))
     for name, promise in rows.promises.items():
         _names(f"online.promises.{name}.method", [promise.method], _keys(cfg))
 
@@ -236,13 +255,18 @@ def _situations(cfg: Params) -> None:
                 parsed(one_of("situations", name, kinds), part(cfg, "situations", name))
 
 
+def _sequences(cfg: Params) -> None:
+    with configured("sequences"):
+        sets = parsed(SequenceSets, part(cfg, "sequences"))
+    _names("sequences.scenes", sets.scenes, cfg["simulations"])
+
+
 def _training(cfg: Params) -> None:
     training = part(cfg, "training")
     with configured("training"):
-        parsed(DeviceSettings, {name: value for name, value in training.items() if name not in PHASES})
-    for phase in PHASES:
-        with configured(f"training.{phase}"):
-            settings, data = settings_of(phase, training[phase])
+        parsed(DeviceSettings, {name: value for name, value in training.items() if name in WHERE})
+    for phase in training.keys() - WHERE:
+        settings, data = phase_of(cfg, phase)
         shares = getattr(settings, "shares", ())
         _names(f"training.{phase}.shares", shares, cfg["situations"]["simulated"])
         simulated = [f"simulated/{name}" for name in cfg["simulations"]]
@@ -263,7 +287,7 @@ def _recording(cfg: Params) -> None:
         if scene.scene.rpartition("/")[2] != name:
             rule = "the row must have the name of the scene, as its files have"
             raise ConfigError(f"recording.scenes.{name}.scene", scene.scene, rule)
-        networks = ["main", *(f"folds/{fold}" for fold in cfg["folds"]["real"])]
+        networks = ["main", *cfg["folds"]["real"]]
         _names(f"recording.scenes.{name}.networks", [scene.networks], networks)
 
 
@@ -308,7 +332,7 @@ def _report(cfg: Params) -> None:
 def _literature(cfg: Params) -> None:
     literature = part(cfg, "literature")
     with configured("literature"):
-        names = [*(setting.name for setting in fields(ComparisonSettings)), *GROUPS]
+        names = [*(setting.name for setting in fields(ComparisonSettings)), "networks"]
         check_names(names, literature, "", f"there are {', '.join(names)}")
     with configured("literature.reader"):
         parsed(EthUcySettings, {**part(cfg, "literature", "reader"), "recording": ""})
@@ -320,21 +344,14 @@ def _literature(cfg: Params) -> None:
     comparison_of(cfg)
     with configured("literature"):
         kalman_of(cfg, cfg["literature"]["tracker"])
-    for group in GROUPS:
-        for name in part(cfg, "literature", group):
-            _names(f"literature.{group}", [name], cfg["methods"][group])
-            _trained_far(cfg, group, name)
-
-
-def _trained_far(cfg: Params, group: str, name: str) -> None:
-    """Check how a network of the comparison with the literature is trained."""
-    key, phases = f"literature.{group}.{name}", part(cfg, "literature", group, name)
-    if set(phases) != {"worlds", "recorded"}:
-        raise ConfigError(key, ", ".join(phases), "it must have worlds and recorded, nothing else")
-    for phase in phases:
-        settings, _ = phase_of(cfg, group, name, phase)
-        if isinstance(settings, InstantSettings):
-            shares = [name.removeprefix("simulated/") for name in settings.shares]
+    for name in part(cfg, "literature", "networks"):
+        _names("literature.networks", [name], cfg["methods"]["networks"])
+        key, phases = f"literature.networks.{name}", part(cfg, "literature", "networks", name)
+        if set(phases) != set(PHASES):
+            raise ConfigError(key, ", ".join(phases), f"it must have {' and '.join(PHASES)}, nothing else")
+        for phase in phases:
+            settings, _ = eth_ucy.phase_of(cfg, name, phase)
+            shares = getattr(settings, "shares", ())
             _names(f"{key}.{phase}.shares", shares, cfg["situations"]["simulated"])
 
 
@@ -354,11 +371,12 @@ PARTS: dict[str, Check] = {
     "worlds": _whole("worlds", WorldSettings),
     "sensing": _whole("sensing", SensingSettings),
     "situations": _situations,
-    "sequences": _whole("sequences", SequenceSets),
+    "sequences": _sequences,
     "protocol": protocol_of,
     "features": _features,
     "autoencoder": _whole("autoencoder", ThreadSettings, CropSplit, AutoencoderSettings),
     "training": _training,
+    "trainings": _trainings,
     "validation": flow_of,
     "evaluation": _whole("evaluation", MetricSettings),
     "comparison": _comparison,
@@ -387,7 +405,15 @@ def check_parts(cfg: Params) -> None:
 
 
 NAMED = (
-    *("mirrors", "simulations", "places", "situations.simulated", "online.exports", "recording.scenes"),
+    *(
+        "mirrors",
+        "simulations",
+        "places",
+        "trainings",
+        "situations.simulated",
+        "online.exports",
+        "recording.scenes",
+    ),
     *("driving.places", "literature.folds"),
     *(f"methods.{group}" for group in METHODS),
     *(f"folds.{study}" for study in STUDIES),
@@ -405,7 +431,7 @@ def write_shared(params: DictConfig, root: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Check params.yaml and the drawn rooms, and write data/config.checked and data/config."""
+    """Check params.yaml and the drawn rooms, and write data/config.checked, data/config and data/code."""
     usage = "python -m stages.config\nChange values in conf/, or for one run: dvc exp run -S KEY=VALUE"
     argparse.ArgumentParser(usage=usage, description=main.__doc__).parse_args(arguments)
     with config_errors():
@@ -414,6 +440,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         check_layouts(read_layouts(layout_names()))
         config.main(["--check", "--stamp", STAMP])
         write_shared(params, Path())
+        write_code()
 
 
 if __name__ == "__main__":

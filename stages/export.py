@@ -12,7 +12,7 @@ from pedpred.models.export import export_onnx, store_half
 from pedpred.models.lstm.encoding import load_encoder
 from pedpred.models.registry import describe_network, load_format, load_network
 from pedpred.online.network import ModelDescription, write_description
-from stages.features import kalman_of
+from stages.perception import kalman_of
 
 
 @stage
@@ -23,7 +23,7 @@ def main(cfg: DictConfig) -> None:
     kalman = kalman_of(cfg, about.tracker)
     with configured("online"):
         how = parsed(Following, {field.name: cfg.online[field.name] for field in fields(Following)})
-    checkpoint = Path(about.networks, about.network)
+    checkpoint = Path(about.weights)
     network, made_with = load_network(checkpoint), load_format(checkpoint)
     encoder = None
     if "grid" in network.settings.channels_read:
@@ -38,7 +38,9 @@ def main(cfg: DictConfig) -> None:
         standstill_mps=how.standstill_mps,
         learn_noise=how.learn_noise,
     )
-    origin = {"networks": about.networks, "method": about.network, "tracker": about.tracker}
+    origin = {"networks": str(checkpoint.parent), "method": about.network, "tracker": about.tracker}
+    if checkpoint.parent.parent.name == "folds":
+        origin["fold"] = checkpoint.name
     origin |= {"weights": "half precision", **describe_network(network, made_with)}
     write_description(out, description, origin)
 

@@ -17,13 +17,13 @@ def scores_at(cfg: DictConfig, models: str, at: str) -> dict[str, dict[str, Scor
 
     Args:
         cfg: the configuration.
-        models: folder of the networks that are tested there, below data/scores.
+        models: whose weights are tested there: main, or a fold.
         at: the set, kind/name.
     """
     by_test: dict[str, dict[str, Scores]] = {}
     for group, rows in cfg.methods.items():
         for method in rows:
-            folder = Path("data/scores", "baselines" if group == "baselines" else models, method, at)
+            folder = Path("data/scores", method, "" if group == "baselines" else models, at)
             for path in sorted(folder.glob("*.parquet")):
                 by_test.setdefault(path.stem, {})[method] = read_scores(path)
     return by_test
@@ -40,12 +40,12 @@ def main(cfg: DictConfig) -> None:
     reference = comparison.pop("reference")
     with configured("comparison"):
         settings = parsed(Resampling, comparison)
-    if not (of_reference := Path("data/scores/baselines", reference)).is_dir():
+    if not (of_reference := Path("data/scores", reference)).is_dir():
         raise InputError(of_reference, "scores", "there are none")
     gathered: dict = {}
     errors_m: dict = {}
     for name, fold in cfg.folds[study].items():
-        models = f"folds/{name}" if "train" in fold else "main"
+        models = name if "train" in fold else "main"
         for at in fold.test:
             key, scores = at.split("/")[1], scores_at(cfg, models, at)
             if any(reference not in of_methods for of_methods in scores.values()):

@@ -111,9 +111,9 @@ class Judgement:
         weights = Path(self.origin["networks"])
         if weights.name == "robot":
             return set(self.params.places)
-        if weights.parent.name != "folds":
+        if "fold" not in self.origin:
             return set()
-        return {name.removeprefix("real/") for name in self.params.folds.real[weights.name].train}
+        return {name.removeprefix("real/") for name in self.params.folds.real[self.origin["fold"]].train}
 
     def scores_at(self, folder: Path, place: str) -> dict[str, Scores]:
         """Scores of a model folder at a place, as its sensor detects people."""

@@ -151,7 +151,7 @@ def read_forecasts(
 
     Args:
         root: the project's folder.
-        networks: folder of the networks that are tested there, below data/forecasts.
+        networks: whose weights are tested there: main, or a fold.
         at: the test set, kind/name.
         methods: their keys, in the order of the predictions; what was not forecast is left out.
         scene: its name, or a pattern.
@@ -162,8 +162,8 @@ def read_forecasts(
     """
     parts: dict[str, list[EvaluationWindows]] = {}
     for method in methods:
-        for group in ("baselines", networks):
-            for path in sorted((root / "data/forecasts" / group / method / at).glob(f"{scene}.parquet")):
+        for weights in ("", networks):  # simple methods have none
+            for path in sorted((root / "data/forecasts" / method / weights / at).glob(f"{scene}.parquet")):
                 parts.setdefault(path.stem, []).append(read_windows(path))
     return {name: join_windows(windows) for name, windows in parts.items()}
 

@@ -39,8 +39,8 @@ class FoldRow(Texts):
 class ExportRow(Texts):
     """A network as a model folder."""
 
-    networks: str
     network: str
+    weights: str
     tracker: str
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -26,6 +27,8 @@ class LstmFeatures:
         angular_cells: cones K of the angular pedestrian grid.
         max_range_m: range of that grid, m.
     """
+
+    has_memory: ClassVar[bool] = True
 
     grid_cells: int = 60
     grid_resolution_m: float = 0.1

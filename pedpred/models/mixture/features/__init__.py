@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,6 +35,8 @@ class MixtureFeatures:
         beams: directions in which the distance to obstacles is measured; a multiple of 4.
         beam_range_m: as far as obstacles are seen, m.
     """
+
+    has_memory: ClassVar[bool] = False
 
     history_steps: int = 8
     neighbours: int = 16

@@ -1,4 +1,4 @@
-"""evaluate_literature@fold: networks and simple methods in the windows of ETH and UCY."""
+"""eth_ucy_evaluate: networks and simple methods in the windows of ETH and UCY."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -9,7 +9,7 @@ import torch
 from omegaconf import DictConfig
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
-from pedpred.config import one_of, stage
+from pedpred.config import stage
 from pedpred.evaluation.scores import write_scores
 from pedpred.literature.measures import mean_scores, measure
 from pedpred.literature.windows import find_windows
@@ -18,9 +18,8 @@ from pedpred.scenes import Scene, Trajectories
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import KalmanBank, tune_kalman
 from pedpred.workers import in_parallel
-from stages.literature import networks_of
-from stages.literature_windows import RECORDINGS, protocol_settings, windows_of
-from stages.trials import metric_settings
+from stages.eth_ucy import MODELS, RECORDINGS, TOP, protocol_settings, windows_of
+from stages.evaluate import metric_settings
 
 
 def fit_filter(scenes: Iterable[Scene], ahead: int) -> KalmanBank | None:
@@ -39,7 +38,9 @@ def fit_filter(scenes: Iterable[Scene], ahead: int) -> KalmanBank | None:
     return KalmanBank.around(tune_kalman(Trajectories(time_s, track_id, position), ahead))
 
 
-def evaluate_recording(cfg: DictConfig, scene: str, name: str, fitted: KalmanBank | None, out: Path) -> None:
+def evaluate_recording(
+    cfg: DictConfig, fold: str, scene: str, name: str, fitted: KalmanBank | None, out: Path
+) -> None:
     """Measure all methods in one recording; networks are the mean of their seeds. A job of one worker."""
     torch.set_num_threads(1)
     settings, windows, sizes = metric_settings(cfg), windows_of(cfg, name), protocol_settings(cfg)
@@ -50,8 +51,8 @@ def evaluate_recording(cfg: DictConfig, scene: str, name: str, fitted: KalmanBan
     same = windows if fitted is None else find_windows(recorded, sizes, fitted, still_mps, memory=False)
     scores = {key: measured(same, forecaster=method()) for key, method in PRESENT_MOTION.items()}
     choices = {"together": settings.together, "learning": False, "trust": False}  # nothing earlier is known
-    for network in networks_of(cfg):
-        folders = {s: Path("models/literature", cfg.fold, network, str(s)) for s in cfg.literature.seeds}
+    for network in cfg.literature.networks:
+        folders = {s: MODELS / network / "recorded" / fold / str(s) for s in cfg.literature.seeds}
         trained = {s: forecaster(f, Path("models/autoencoder"), **choices) for s, f in folders.items()}
         seeds = {f"{network}_{s}": measured(windows, forecaster=method) for s, method in trained.items()}
         scores |= {network: mean_scores(list(seeds.values()))} | seeds
@@ -61,14 +62,15 @@ def evaluate_recording(cfg: DictConfig, scene: str, name: str, fitted: KalmanBan
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Write data/literature/<fold>/<scene>/<method>/<recording>.parquet; nothing without recordings."""
-    fold = one_of("fold", cfg.fold, cfg.literature.folds)
-    out = Path(cfg.get("out", "data/literature"), cfg.fold)
-    out.mkdir(parents=True, exist_ok=True)
-    trained_on = (read_scene(RECORDINGS / name) for name in fold.train)
-    fitted = fit_filter(trained_on, cfg.literature.protocol.predicted_steps)
-    tasks = [(cfg, scene, name, fitted, out) for scene in fold.test for name in cfg.literature.scenes[scene]]
-    in_parallel(evaluate_recording, tasks, f"literature, {cfg.fold}", "recording")
+    """Write data/eth_ucy/scores/<fold>/<scene>/<method>/<recording>.parquet; nothing without recordings."""
+    out, tasks = Path(cfg.get("out", TOP / "scores")), []
+    for key, fold in cfg.literature.folds.items():
+        (out / key).mkdir(parents=True, exist_ok=True)
+        trained_on = (read_scene(RECORDINGS / name) for name in fold.train)
+        fitted = fit_filter(trained_on, cfg.literature.protocol.predicted_steps)
+        named = [(scene, name) for scene in fold.test for name in cfg.literature.scenes[scene]]
+        tasks += [(cfg, key, *one, fitted, out / key) for one in named]
+    in_parallel(evaluate_recording, tasks, "literature", "recording")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""encode_simulated, encode_real, encode_far: the frozen encoder's output for all crops to train on."""
+"""embed@kind: the frozen encoder's output for all crops to train on."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def main(cfg: DictConfig) -> None:
     rows, out = Path(cfg.rows), Path(cfg.out)
     folders = sorted(path.parent for path in rows.rglob("manifest.json"))
     if not folders:
-        raise ConfigError("rows", cfg.rows, "name a folder that stages.features or the like has written")
+        raise ConfigError("rows", cfg.rows, "name a folder that stages.rows has written")
     encoder = load_encoder(Path("models/autoencoder"))
     tasks = []
     for features in folders:

@@ -1,4 +1,4 @@
-"""gather_literature: the figures of all folds of the comparison with the literature."""
+"""eth_ucy_gather: the figures of all folds of the comparison with the literature."""
 
 from pathlib import Path
 from typing import Any
@@ -13,16 +13,16 @@ from pedpred.evaluation.scores import Resampling, pool_scores, read_scores
 from pedpred.evaluation.summary import coverages, summarise_methods
 from pedpred.fields import parsed
 from pedpred.files import write_json
-from stages.literature import networks_of
+from stages.eth_ucy import TOP
 
 
 def figures_of(cfg: DictConfig, name: str, settings: Resampling) -> dict[str, Any]:
     """Figures at the scenes of a fold, whose recordings are pooled: scene -> method -> figures."""
     figures: dict[str, Any] = {}
-    if not (evaluated := Path("data/literature", name)).is_dir():
+    if not (evaluated := TOP / "scores" / name).is_dir():
         raise InputError(evaluated, "scores", "there are none")
     for scene in cfg.literature.folds[name].test:
-        top, recordings = Path("data/literature", name, scene), cfg.literature.scenes[scene]
+        top, recordings = TOP / "scores" / name / scene, cfg.literature.scenes[scene]
         pools = {
             folder.name: pool_scores(
                 [read_scores(folder / f"{recording}.parquet") for recording in recordings]
@@ -33,7 +33,7 @@ def figures_of(cfg: DictConfig, name: str, settings: Resampling) -> dict[str, An
             continue
         seeds = {
             network: [pools.pop(f"{network}_{s}") for s in cfg.literature.seeds]
-            for network in networks_of(cfg)
+            for network in cfg.literature.networks
         }
         figures[scene] = summarise_methods(pools, STRONGEST, settings)
         for network, scores in seeds.items():

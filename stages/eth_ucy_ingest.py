@@ -1,4 +1,4 @@
-"""ingest_literature: the recordings of ETH and UCY, as the files of the field hold them, become scenes."""
+"""eth_ucy_ingest: the recordings of ETH and UCY, as the files of the field hold them, become scenes."""
 
 from pathlib import Path
 
@@ -9,12 +9,13 @@ from pedpred.scenes import Scene
 from pedpred.sources.eth_ucy import read_text
 from pedpred.sources.mirrors import NOTE
 from pedpred.storage.scenes import write_scene
+from stages.eth_ucy import RECORDINGS
 
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Write data/eth_ucy/<recording>; scenes without people where the files are not available."""
-    raw, out = Path(cfg.literature.raw), Path(cfg.get("out", "data/eth_ucy"))
+    """Write data/eth_ucy/recordings/<recording>; scenes without people where the files are not available."""
+    raw, out = Path(cfg.literature.raw), Path(cfg.get("out", RECORDINGS))
     note, reader = raw / NOTE, part(cfg, "literature", "reader")
     for name in cfg.literature.recordings:
         if note.exists():
