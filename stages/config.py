@@ -51,7 +51,6 @@ from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.simulation.settings import SetUse, SimulationSettings, social_force_settings
-from pedpred.simulation.worlds import SensingSettings, WorldSettings
 from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.sources import SETTINGS, SOURCES
 from pedpred.sources.eth_ucy import EthUcySettings
@@ -62,17 +61,17 @@ from stages import eth_ucy
 from stages.code import write_code
 from stages.drive import trials_of
 from stages.eth_ucy import MODELS, PHASES, comparison_of
+from stages.folds import SENSED, trained_sets
 from stages.perception import features_of, kalman_of, protocol_of
 from stages.simulate import LAYOUTS, read_layouts
 from stages.train import NONE, phase_of, training_of
 from stages.validate_simulation import flow_of
+from stages.worlds import worlds_of
 
 WITHOUT_VELOCITIES = ("eth_ucy", "ewap", "jupedsim")
 """Those of `SOURCES` whose recordings are positions alone."""
 WHERE = {field.name for field in fields(DeviceSettings)}
 """Keys of `training` that are no phases."""
-SENSED = "simulated/worlds"
-"""Set of step sequences of worlds that a sensor sees; there are no scenes of it."""
 STUDIES = {"sim": False, "transfer": False, "real": True}
 """Groups of conf/folds, and whether their folds are trained."""
 METHODS = ("baselines", "networks")
@@ -143,11 +142,12 @@ def _fold(cfg: Params, study: str) -> None:
     for name, fold in parsed_each(FoldRow, folds := part(cfg, "folds", study)).items():
         key = f"folds.{study}.{name}"
         _names(f"{key}.test", fold.test, tested)
-        _names(f"{key}.train", fold.train, [*tested, SENSED])
+        trains = trained_sets(vars(fold), part(cfg, "places"))
+        _names(f"{key}.train", trains, [*tested, SENSED])
         if ("train" in folds[name]) != STUDIES[study]:
             rule = "a fold of this study needs it" if STUDIES[study] else f"folds of {study} are not trained"
             raise ConfigError(f"{key}.train", folds[name].get("train"), rule)
-        if both := sorted(set(fold.train) & set(fold.test)):
+        if both := sorted(set(trains) & set(fold.test)):
             raise ConfigError(f"{key}.train", both, "the same fold tests it")
         for at in fold.test:
             if at in by_others:
@@ -368,8 +368,7 @@ PARTS: dict[str, Check] = {
     "methods": _methods,
     "online": _online,
     "clutter": _whole("clutter", ClutterSettings),
-    "worlds": _whole("worlds", WorldSettings),
-    "sensing": _whole("sensing", SensingSettings),
+    "worlds": worlds_of,
     "situations": _situations,
     "sequences": _sequences,
     "protocol": protocol_of,
@@ -420,7 +419,7 @@ NAMED = (
 )
 """Rows whose names are part of stages, commands and folders."""
 
-SHARED_PARTS = ("places", "sensing", "sensors", "trackers", "worlds")
+SHARED_PARTS = ("places", "sensors", "trackers")
 """Keys of params.yaml whose values other stages read from files."""
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from omegaconf import DictConfig
 
@@ -22,6 +23,7 @@ from pedpred.report.page.player import Replay, ReplaySettings, replay
 from pedpred.report.places import places_section
 from pedpred.report.rows import PageRows
 from pedpred.report.simulation_page import flow_section
+from stages.folds import trained_sets
 
 PAGES = ("sim", "real")
 """Studies with a page of their own; the others are compared with these."""
@@ -56,6 +58,15 @@ def drives_of(places: Iterable[str]) -> Section:
     return drives_section({name: (known[name], read_shown(drives / name)) for name in driven})
 
 
+def expanded(folds: Mapping[str, Any], places: Iterable[str]) -> dict[str, Any]:
+    """Folds with the names of the sets that they train on."""
+    places = list(places)
+    return {
+        name: {**fold, "train": trained_sets(fold, places)} if "train" in fold else fold
+        for name, fold in folds.items()
+    }
+
+
 @stage
 def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote, draw every picture once, write all pages below `out`."""
@@ -64,7 +75,7 @@ def main(cfg: DictConfig) -> None:
     paper = parsed(Paper, part(cfg, "report", "paper"))
     with configured("report.page"):
         page, shown = parsed_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
-    studies = {name: plain(folds) for name, folds in cfg.folds.items()}
+    studies = {name: expanded(plain(folds), cfg.places) for name, folds in cfg.folds.items()}
     evaluated = {study: gather(study, folds) for study, folds in studies.items()}
     pages = {study: evaluated[study] for study in PAGES if study in evaluated}
     galleries = {study: draw_gallery(results, methods) for study, results in pages.items()}

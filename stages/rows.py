@@ -38,6 +38,7 @@ from pedpred.storage.shards import FEATURE_SCHEMA, columns_of, write_manifest, w
 from pedpred.storage.situations import situation_columns, write_situations, write_situations_manifest
 from pedpred.workers import in_parallel
 from stages.perception import features_of, perception_of, protocol_of, variants_of
+from stages.worlds import worlds_of
 
 SCENES = Path("data/scenes")
 
@@ -63,14 +64,6 @@ def recipe_of(cfg: DictConfig, model: str) -> Recipe:
     )  # true states need no differences
     with configured("situations.rows"):
         return Recipe(parsed(RowSettings, plain(cfg.situations.rows)), made_with, how.standstill_mps)
-
-
-def worlds_of(cfg: DictConfig) -> tuple[WorldSettings, SensingSettings]:
-    """Read how worlds and their sensors vary."""
-    with configured("worlds"):
-        worlds: WorldSettings = parsed(WorldSettings, plain(cfg.worlds))
-    with configured("sensing"):
-        return worlds, parsed(SensingSettings, plain(cfg.sensing))
 
 
 def steps_of_scenes(cfg: DictConfig, model: str, kind: str, key: str, out: Path) -> RowSet:

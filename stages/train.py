@@ -23,6 +23,7 @@ from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
 from pedpred.training.instants import RealShare, mix_shares
 from pedpred.training.sequences import NamedSets
 from pedpred.workers import in_parallel
+from stages.folds import trained_sets
 
 NONE = "data/config.checked"
 """Where a row of `trainings` names a folder that its training does not read."""
@@ -100,7 +101,7 @@ def phase_of(cfg: Mapping[str, Any], phase: str) -> Phase:
 
 def recorded_sets(cfg: DictConfig, fold: Mapping[str, Any] | None, rows: Path, steps: bool) -> list[str]:
     """Names of the sets of a fold, or of all places, that have people: kind/name."""
-    named = fold["train"] if fold is not None else [f"real/{place}" for place in cfg.places]
+    named = [f"real/{key}" for key in cfg.places] if fold is None else trained_sets(fold, cfg.places)
     if steps:
         return [key for key in named if has_rows(rows / key)]
     return [key for key in named if key.startswith("real/") and read_situations_manifest(rows / key)[1]]

@@ -22,6 +22,7 @@ from pedpred.report.rows import PromiseRow
 from pedpred.scenes import Scene
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
+from stages.folds import trained_sets
 from tools.programs import git
 from tools.verdicts import (
     ROOMS,
@@ -113,7 +114,8 @@ class Judgement:
             return set(self.params.places)
         if "fold" not in self.origin:
             return set()
-        return {name.removeprefix("real/") for name in self.params.folds.real[self.origin["fold"]].train}
+        trained = trained_sets(self.params.folds.real[self.origin["fold"]], self.params.places)
+        return {name.removeprefix("real/") for name in trained}
 
     def scores_at(self, folder: Path, place: str) -> dict[str, Scores]:
         """Scores of a model folder at a place, as its sensor detects people."""

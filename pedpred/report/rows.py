@@ -29,10 +29,10 @@ class PlaceRow(Texts):
 
 @dataclass(frozen=True)
 class FoldRow(Texts):
-    """Sets that a fold trains on and tests."""
+    """Sets that a fold trains on and tests; `train` may be a word for some (`stages.folds`)."""
 
     test: tuple[str, ...]
-    train: tuple[str, ...] = ()
+    train: tuple[str, ...] | str = ()
 
 
 @dataclass(frozen=True)
