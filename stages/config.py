@@ -37,6 +37,7 @@ from pedpred.report.findings import Paper
 from pedpred.report.methods import Methods
 from pedpred.report.page.player import ReplaySettings
 from pedpred.report.rows import (
+    ExportRow,
     FoldRow,
     OnlineRows,
     PageRows,
@@ -61,6 +62,7 @@ from stages import eth_ucy
 from stages.code import write_code
 from stages.drive import trials_of
 from stages.eth_ucy import MODELS, PHASES, comparison_of
+from stages.export import GROUPS as EXPORTING
 from stages.folds import SENSED, trained_sets
 from stages.perception import features_of, kalman_of, protocol_of
 from stages.simulate import LAYOUTS, read_layouts
@@ -205,7 +207,7 @@ def _keys(cfg: Params) -> list[str]:
     return [key for rows in cfg["methods"].values() for key in rows]
 
 
-def _weights(cfg: Params, network: str) -> list[str]:
+def weights_of(cfg: Params, network: str) -> list[str]:
     """Checkpoints of a network that trainings write."""
     weights = [f"{MODELS}/{name}/worlds" for name in cfg["literature"]["networks"] if name == network]
     for it in (training_of(cfg, name) for name in cfg["trainings"]):
@@ -217,12 +219,23 @@ def _weights(cfg: Params, network: str) -> list[str]:
 def _online(cfg: Params) -> None:
     with configured("online"):
         _, rows = parsed_together([Following, OnlineRows], part(cfg, "online"))
-    for name, export in rows.exports.items():
-        kalman_of(cfg, export.tracker)
-        _names(f"online.exports.{name}.network", [export.network], cfg["methods"]["networks"])
-        _names(f"online.exports.{name}.weights", [export.weights], _weights(cfg, export.network))
     for name, promise in rows.promises.items():
         _names(f"online.promises.{name}.method", [promise.method], _keys(cfg))
+
+
+def _exports(cfg: Params) -> dict[str, ExportRow]:
+    """Check the rows `exports` of all parts; all of them, by name."""
+    exports: dict[str, ExportRow] = {}
+    for group in EXPORTING:
+        key = f"{group}.exports"
+        with configured(key):
+            rows = parsed_each(ExportRow, part(cfg, group).get("exports", {}))
+        for name, export in rows.items():
+            kalman_of(cfg, export.tracker)
+            _names(f"{key}.{name}.network", [export.network], cfg["methods"]["networks"])
+            _names(f"{key}.{name}.weights", [export.weights], weights_of(cfg, export.network))
+        exports |= rows
+    return exports
 
 
 def layout_names() -> list[str]:
@@ -302,9 +315,10 @@ def _driving(cfg: Params) -> None:
     for name, place in rows.items() if isinstance(rows, Mapping) else ():
         if isinstance(place, Mapping) and "world" in place:
             one_of(f"driving.places.{name}.world", place["world"], dict.fromkeys((NO_WORLD, *KINDS)))
+    exports = _exports(cfg)
     for name, place in trials_of(cfg).places.items():
         models = [folder.removeprefix("models/online/") for folder in (place.model, place.lstm)]
-        _names(f"driving.places.{name}", models, [*cfg["online"]["exports"], "default"])
+        _names(f"driving.places.{name}", models, [*exports, "default"])
         if place.world == NO_WORLD:
             _scenes(f"driving.places.{name}.input", place.input)
 
@@ -332,7 +346,7 @@ def _report(cfg: Params) -> None:
 def _literature(cfg: Params) -> None:
     literature = part(cfg, "literature")
     with configured("literature"):
-        names = [*(setting.name for setting in fields(ComparisonSettings)), "networks"]
+        names = [*(setting.name for setting in fields(ComparisonSettings)), "networks", "exports"]
         check_names(names, literature, "", f"there are {', '.join(names)}")
     with configured("literature.reader"):
         parsed(EthUcySettings, {**part(cfg, "literature", "reader"), "recording": ""})

@@ -15,7 +15,8 @@ from pedpred.workers import in_parallel
 def trials_of(cfg: Mapping[str, Any]) -> TrialSettings:
     """Read which drives are done."""
     with configured("driving"):
-        settings: TrialSettings = parsed(TrialSettings, part(cfg, "driving"))
+        values = {key: value for key, value in part(cfg, "driving").items() if key != "exports"}
+        settings: TrialSettings = parsed(TrialSettings, values)
     return settings
 
 

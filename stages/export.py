@@ -14,12 +14,17 @@ from pedpred.models.registry import describe_network, load_format, load_network
 from pedpred.online.network import ModelDescription, write_description
 from stages.perception import kalman_of
 
+GROUPS = ("online", "driving", "literature")
+"""Parts of the configuration with rows `exports`."""
+
 
 @stage
 def main(cfg: DictConfig) -> None:
     """Read a network and, if it reads the grid, the encoder; write models/online/<name>."""
     name = stage_key(cfg)
-    out, about = Path(cfg.get("out", f"models/online/{name}")), one_of("name", name, cfg.online.exports)
+    tables = [cfg[group].exports for group in GROUPS if group in cfg and "exports" in cfg[group]]
+    rows = {key: row for table in tables for key, row in table.items()}
+    out, about = Path(cfg.get("out", f"models/online/{name}")), one_of("name", name, rows)
     kalman = kalman_of(cfg, about.tracker)
     with configured("online"):
         how = parsed(Following, {field.name: cfg.online[field.name] for field in fields(Following)})

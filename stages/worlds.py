@@ -24,7 +24,7 @@ def worlds_of(cfg: Mapping[str, Any]) -> tuple[WorldSettings, SensingSettings]:
     tables = {key: read_table(row, key) for key in ("ranges", "sensing")}
     if row["duration_s"] is not None:
         for kind in tables["ranges"].values():
-            if isinstance(kind, dict):
+            if isinstance(kind, dict) and "duration_s" in kind:
                 kind["duration_s"] = row["duration_s"]
     with configured(row["ranges"]):
         worlds: WorldSettings = parsed(WorldSettings, tables["ranges"])

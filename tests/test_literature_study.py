@@ -9,6 +9,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
+from stages.gather_literature import figures_of
+from stages.literature import comparison_of
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.command import field_protocol
@@ -28,8 +30,6 @@ from pedpred.report.methods import Methods
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
-from stages.gather_literature import figures_of
-from stages.literature import comparison_of
 from tests.configuration import read
 from tests.conftest import raw_folder
 from tests.exported import LSTM_ROWS, NETWORK, WIDTHS, forecaster_of

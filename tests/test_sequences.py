@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stages.features import features_of, protocol_of
 
 from pedpred.config import plain, read_params
 from pedpred.fields import parsed
@@ -12,7 +13,6 @@ from pedpred.sequences import collect_world_steps
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
 from pedpred.simulation.worlds.world import simulate_world
 from pedpred.situations import Recipe, RowSettings
-from stages.features import features_of, protocol_of
 from tests.conftest import ROOT
 
 PARAMS = read_params(ROOT)

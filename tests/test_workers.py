@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from distributed import LocalCluster
 from joblib import parallel_config
+from stages.features import features_into
 
 from pedpred import errors
 from pedpred.driving.episodes import DriveSettings
@@ -21,7 +22,6 @@ from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import write_scene
 from pedpred.tracking import KalmanSettings
 from pedpred.workers import in_parallel
-from stages.features import features_into
 from stages.simulate import simulate_into
 from tests.exported import LSTM_ROWS
 from tests.simulated import SETTINGS, short

@@ -1,4 +1,4 @@
-"""The stage that writes training rows: the same bytes from any number of workers; no recording, no rows."""
+"""The stage that writes rows: the same bytes from any number of workers; no recording, no rows."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -10,32 +10,35 @@ from omegaconf import OmegaConf
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.situations import read_situations, read_situations_manifest
-from stages import situations
+from stages import rows
 from tests.configuration import composed
 from tests.worlds import walled_scene
 
 
 @pytest.fixture
 def usual():
-    """The configuration at the smallest scale."""
-    return composed("scale=smoke")
+    """The configuration at the smallest scale, with one simulated set and one place."""
+    cfg = composed("scale=smoke")
+    cfg["situations"]["simulated"] = {"corridor": cfg["situations"]["simulated"]["corridor"]}
+    cfg["places"] = {"eth": cfg["places"]["eth"]}
+    return cfg
 
 
-def run(cfg, out):
-    """Run the stage; its manifest and the bytes of all its files."""
-    situations.main.__wrapped__(OmegaConf.create(cfg | {"out": str(out)}))
-    return read_situations_manifest(out), {path.name: path.read_bytes() for path in out.iterdir()}
+def run(cfg, kind, out, key):
+    """Run the stage; manifest and bytes of all files of one of its sets."""
+    rows.main.__wrapped__(OmegaConf.create(cfg | {"name": "mixture", "kind": kind, "out": str(out)}))
+    return read_situations_manifest(out / key), {p.name: p.read_bytes() for p in (out / key).iterdir()}
 
 
 def test_the_number_of_workers_changes_no_byte(usual, tmp_path, monkeypatch):
     found = []
     for jobs in ("1", "2"):
         monkeypatch.setenv("PEDPRED_JOBS", jobs)
-        found.append(run(usual | {"kind": "simulated", "name": "corridor"}, tmp_path / jobs))
+        found.append(run(usual, "simulated", tmp_path / jobs, "corridor"))
     assert found[0] == found[1]
     sizes, names = found[0][0]
     assert names == ["corridor_000", "corridor_001"]
-    assert all(len(read_situations(tmp_path / "1", name, sizes)["future"]) >= 60 for name in names)
+    assert all(len(read_situations(tmp_path / "1/corridor", name, sizes)["future"]) >= 60 for name in names)
 
 
 @pytest.mark.parametrize("kind", ["recorded", "missing", "simulated"])
@@ -46,6 +49,6 @@ def test_a_place_gives_its_viewings_if_there_is_a_recording(kind, usual, tmp_pat
     missing, stand_in = Scene.without_people("eth", "ask for it"), replace(scene, stand_in="drawn by hand")
     place = {"recorded": scene, "missing": missing, "simulated": stand_in}[kind]
     write_scene(place, Path("data/scenes/real/eth"))
-    (_, names), files = run(usual | {"kind": "real", "name": "eth"}, Path("rows"))
+    (_, names), files = run(usual, "real", Path("rows"), "eth")
     assert names == (["eth_0", "eth_1"] if kind == "recorded" else [])
     assert len(files) == 1 + len(names)
