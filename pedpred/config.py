@@ -42,7 +42,7 @@ OUTPUTS = ("out", "curve")
 WITH_CURVE = ("train", "pretrain_autoencoder")
 """Stages with the argument `curve`; others have `out` alone."""
 
-ARGUMENTS = ("name", "kind", "phase", "fold", "networks", "scene", "rows", *OUTPUTS)
+ARGUMENTS = ("name", "kind", "phase", "network", "fold", "networks", "scene", "rows", *OUTPUTS)
 """Arguments of stages: what they write, and of which rows."""
 
 SHARED = Path("data/config")

@@ -66,7 +66,7 @@ from stages.export import GROUPS as EXPORTING
 from stages.folds import SENSED, trained_sets
 from stages.perception import features_of, kalman_of, protocol_of
 from stages.simulate import LAYOUTS, read_layouts
-from stages.train import NONE, phase_of, training_of
+from stages.train import NONE, networks_of, phase_of, training_of
 from stages.validate_simulation import flow_of
 from stages.worlds import worlds_of
 
@@ -185,18 +185,15 @@ def _inputs(cfg: Params, key: str, read: Iterable[str]) -> None:
 
 
 def _trainings(cfg: Params) -> None:
-    """Check that trainings fit together: what each starts from is what another one writes, of its network."""
+    """Check that trainings fit together: each starts from what another one of its architecture writes."""
     rows = {name: training_of(cfg, name) for name in part(cfg, "trainings")}
-    written = {it.weights: it.network for it in rows.values()}
+    written = {f"models/{name}": it.architecture for name, it in rows.items()}
     for name, it in rows.items():
         key = f"trainings.{name}"
-        _names(f"{key}.network", [it.network], cfg["methods"]["networks"])
-        architecture = cfg["methods"]["networks"][it.network]["settings"]["architecture"]
-        if it.architecture != architecture:
-            raise ConfigError(f"{key}.architecture", it.architecture, f"{it.network} has {architecture}")
+        _names(f"{key}.architecture", [it.architecture], ARCHITECTURES)
         _names(f"{key}.phase", [it.phase], [phase for phase in cfg["training"] if phase not in WHERE])
-        if it.previous not in (NONE, it.encoder) and written.get(it.previous) != it.network:
-            rule = f"no row of trainings writes weights of {it.network} there"
+        if it.previous not in (NONE, it.encoder) and written.get(it.previous) != it.architecture:
+            rule = f"no row of trainings writes networks of architecture {it.architecture} there"
             raise ConfigError(f"{key}.previous", it.previous, rule)
         if it.folds:
             _names(f"{key}.folds", [it.folds], cfg["folds"])
@@ -209,10 +206,11 @@ def _keys(cfg: Params) -> list[str]:
 
 def weights_of(cfg: Params, network: str) -> list[str]:
     """Checkpoints of a network that trainings write."""
-    weights = [f"{MODELS}/{name}/worlds" for name in cfg["literature"]["networks"] if name == network]
-    for it in (training_of(cfg, name) for name in cfg["trainings"]):
-        folds = cfg["folds"][it.folds] if it.folds else [""]
-        weights += [f"{it.weights}/{fold}".rstrip("/") for fold in folds if it.network == network]
+    weights = [f"{MODELS}/worlds/{name}" for name in cfg["literature"]["networks"] if name == network]
+    for name, it in ((name, training_of(cfg, name)) for name in cfg["trainings"]):
+        if network in networks_of(cfg, it.architecture):
+            folds = cfg["folds"][it.folds] if it.folds else [""]
+            weights += [f"models/{name}/{network}/{fold}".rstrip("/") for fold in folds]
     return weights
 
 

@@ -52,7 +52,7 @@ def evaluate_recording(
     scores = {key: measured(same, forecaster=method()) for key, method in PRESENT_MOTION.items()}
     choices = {"together": settings.together, "learning": False, "trust": False}  # nothing earlier is known
     for network in cfg.literature.networks:
-        folders = {s: MODELS / network / "recorded" / fold / str(s) for s in cfg.literature.seeds}
+        folders = {s: MODELS / "recorded" / network / fold / str(s) for s in cfg.literature.seeds}
         trained = {s: forecaster(f, Path("models/autoencoder"), **choices) for s, f in folders.items()}
         seeds = {f"{network}_{s}": measured(windows, forecaster=method) for s, method in trained.items()}
         scores |= {network: mean_scores(list(seeds.values()))} | seeds

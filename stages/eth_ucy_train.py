@@ -1,14 +1,15 @@
-"""eth_ucy_train@network: a network for the protocol of ETH and UCY, in simulation or on folds."""
+"""eth_ucy_train: networks for the protocol of ETH and UCY, in simulation or on folds."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from omegaconf import DictConfig
 
-from pedpred.config import configured, one_of, stage, stage_key
+from pedpred.config import configured, one_of, stage
 from pedpred.models import ARCHITECTURES
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.columns import count_rows
@@ -18,7 +19,7 @@ from pedpred.training import InstantSettings, SequenceSettings
 from pedpred.training.distributed import distributed_context
 from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
 from pedpred.workers import in_parallel
-from stages.eth_ucy import MODELS, TOP, Phase, phase_of
+from stages.eth_ucy import MODELS, PHASES, TOP, Phase, phase_of
 from stages.train import architecture_of, device_of
 
 EMBEDDINGS, AUTOENCODER = TOP / "embeddings", Path("models/autoencoder")
@@ -77,35 +78,38 @@ def train(
         write_curve(progress, curve)
 
 
-def train_folds(cfg: DictConfig, name: str, out: Path, curves: Path) -> None:
-    """Train a network per fold and seed on recordings, beside each other."""
-    base, tasks = MODELS / name / "worlds", []
+def worlds(cfg: DictConfig, name: str) -> Iterator[tuple[Any, ...]]:
+    """What trains a network in simulation; one with a memory starts from the auto-encoder."""
+    settings = simulated(phase_of(cfg, name, "worlds"))
+    if isinstance(settings, SequenceSettings):
+        yield settings, ["simulated/worlds"], AUTOENCODER, name
+    else:
+        yield settings, list(settings.shares), None, name
+
+
+def folds(cfg: DictConfig, name: str) -> Iterator[tuple[Any, ...]]:
+    """What trains a network on the recordings of each fold, with each seed."""
     for key, fold in cfg.literature.folds.items():
         settings, sets = recorded(phase_of(cfg, name, "recorded"), fold.train, rows_of(cfg, name))
         for seed in cfg.literature.seeds:
-            ends = out / key / str(seed), curves / key / f"{seed}.tsv"
-            tasks.append((cfg, name, replace(settings, seed=seed), sets, base, *ends))
-    in_parallel(train, tasks, f"literature, {name}", "training")
+            yield replace(settings, seed=seed), sets, MODELS / "worlds" / name, f"{name}/{key}/{seed}"
 
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Write models/eth_ucy/<name>/<phase>: trained on `worlds`, or `recorded`, a folder per fold and seed.
+    """Write models/eth_ucy/<phase>/<network>: trained on `worlds`, or `recorded`, a folder per fold and seed.
 
-    A network with a memory starts from the auto-encoder.
+    All trainings of a phase run beside each other.
     """
-    name, top = stage_key(cfg), Path(cfg.get("out", "."))
-    phase = one_of("phase", cfg.phase, {"worlds": "worlds", "recorded": "recorded"})
-    out, curves = top / MODELS / name / phase, top / "reports/curves/literature"
-    if phase == "recorded":
-        train_folds(cfg, name, out, curves / name)
-        return
-    settings = simulated(phase_of(cfg, name, phase))
-    curve = curves / f"worlds/{name}.tsv"
-    if isinstance(settings, SequenceSettings):
-        train(cfg, name, settings, ["simulated/worlds"], AUTOENCODER, out, curve)
-    else:
-        train(cfg, name, settings, list(settings.shares), None, out, curve)
+    top = Path(cfg.get("out", "."))
+    trainings = one_of("phase", cfg.phase, dict(zip(PHASES, (worlds, folds), strict=True)))
+    out, curves = top / MODELS / cfg.phase, top / "reports/curves/literature" / cfg.phase
+    tasks = [
+        (cfg, name, *how, out / key, curves / f"{key}.tsv")
+        for name in cfg.literature.networks
+        for *how, key in trainings(cfg, name)
+    ]
+    in_parallel(train, tasks, f"literature, {cfg.phase}", "training")
 
 
 if __name__ == "__main__":

@@ -58,8 +58,9 @@ def trials_of_network(cfg: DictConfig, name: str) -> Iterator[tuple[str, Path, T
     links = {link: getattr(settings, link) for link in ("together", "learning", "trust")}
     untrained = [fold for study in cfg.folds.values() for fold in study.values() if "train" not in fold]
     trained = {key: fold for study in cfg.folds.values() for key, fold in study.items() if "train" in fold}
-    tested = [("main", Path("models/main", name), untrained)]
-    tested += [(key, Path("models/folds", name, key), [fold]) for key, fold in trained.items()]
+    models = f"models/{cfg.methods.networks[name].settings.architecture}"
+    tested = [("main", Path(f"{models}_main", name), untrained)]
+    tested += [(key, Path(f"{models}_folds", name, key), [fold]) for key, fold in trained.items()]
     for key, weights, folds in tested:
         network = forecaster(weights, AUTOENCODER, **links)
         memory = bool(network.network.state_shapes)

@@ -44,7 +44,7 @@ def main(cfg: DictConfig) -> None:
         learn_noise=how.learn_noise,
     )
     origin = {"networks": str(checkpoint.parent), "method": about.network, "tracker": about.tracker}
-    if checkpoint.parent.parent.name == "folds":
+    if checkpoint.name != about.network:
         origin["fold"] = checkpoint.name
     origin |= {"weights": "half precision", **describe_network(network, made_with)}
     write_description(out, description, origin)

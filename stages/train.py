@@ -1,4 +1,4 @@
-"""train@training: a network in one phase of the curriculum, for all people, or for each fold of a study."""
+"""train@training: the networks of an architecture in a phase of the curriculum, beside each other."""
 
 from __future__ import annotations
 
@@ -34,27 +34,23 @@ class Training:
     """A row of conf/trainings, see there.
 
     Attributes:
-        network: row of conf/methods/networks.
-        architecture: its own.
+        architecture: whose networks are trained.
         phase: row of conf/training.
         rows: folder of the sets.
         embeddings: the frozen encoder's outputs for them.
         encoder: its checkpoint.
-        previous: weights to start from.
-        weights: what is written: a checkpoint, or a folder with one for each fold.
-        curve: validation scores over the steps: a file, or a folder with one for each fold.
+        previous: folder of the weights to start from; the encoder itself, or `NONE`.
+        curves: folder of the validation scores over the steps.
         folds: group of conf/folds; empty: none.
     """
 
-    network: str
     architecture: str
     phase: str
     rows: str
     embeddings: str
     encoder: str
     previous: str
-    weights: str
-    curve: str
+    curves: str
     folds: str = ""
 
     def __post_init__(self) -> None:
@@ -107,13 +103,25 @@ def recorded_sets(cfg: DictConfig, fold: Mapping[str, Any] | None, rows: Path, s
     return [key for key in named if key.startswith("real/") and read_situations_manifest(rows / key)[1]]
 
 
+def networks_of(cfg: Mapping[str, Any], architecture: str) -> list[str]:
+    """Names of the networks of an architecture."""
+    rows = cfg["methods"]["networks"].items()
+    return [name for name, row in rows if row["settings"]["architecture"] == architecture]
+
+
+def previous_of(row: Training, network: str) -> Path | None:
+    """Checkpoint that a network starts from."""
+    if row.previous == NONE:
+        return None
+    return Path(row.previous) if row.previous == row.encoder else Path(row.previous, network)
+
+
 def train(
-    cfg: DictConfig, row: Training, title: str, fold: Mapping[str, Any] | None, out: Path, curve: Path
+    cfg: DictConfig, row: Training, network: str, fold: Mapping[str, Any] | None, out: Path, curve: Path
 ) -> None:
     """Train a network on the sets of its phase, of a fold or of all places. A job of one worker."""
     settings, data = phase_of(cfg, row.phase)
-    architecture, device = architecture_of(cfg, row.network), device_of(cfg)
-    previous = None if row.previous == NONE else Path(row.previous)
+    architecture, device, previous = architecture_of(cfg, network), device_of(cfg), previous_of(row, network)
     simulation = Path(row.rows).name == "simulated"
     rows, embedded = (Path(top).parent if simulation else Path(top) for top in (row.rows, row.embeddings))
     if isinstance(data, NamedSets):
@@ -131,38 +139,38 @@ def train(
     folders, embeddings = ({key: top / key for key in sets} for top in (rows, embedded))
     with configured("training"), distributed_context(device.device, device.autocast) as here:
         loaded = load_rows(architecture, settings, folders, embeddings, Path(row.encoder))
-        network, progress, about = fit(architecture, previous, loaded, settings, title, here)
+        trained, progress, about = fit(architecture, previous, loaded, settings, curve.stem, here)
         if here.writes:
-            write_checkpoint(out, network.state_dict(), about)
+            write_checkpoint(out, trained.state_dict(), about)
             write_curve(progress, curve)
 
 
 @stage
 def main(cfg: DictConfig) -> None:
-    """Train row `name` of conf/trainings; the folds of a study beside each other.
+    """Train row `name` of conf/trainings: models/<name>, a folder per network, and in it one per fold.
 
-    Several processes: `torchrun -m stages.train`.
+    `network` and `fold` choose one. Several processes: `torchrun -m stages.train`.
     """
     name = stage_key(cfg)
     row = training_of(cfg, name)
-    weights, curve = Path(cfg.get("out", row.weights)), Path(cfg.get("curve", row.curve))
-    if not row.folds:
-        train(cfg, row, name, None, weights, curve)
-        return
-    folds = one_of(f"trainings.{name}.folds", row.folds, cfg.folds)
-    chosen = [one_of("fold", cfg.fold, {key: key for key in folds})] if cfg.get("fold") else list(folds)
+    out, curves = Path(cfg.get("out", f"models/{name}")), Path(cfg.get("curve", row.curves))
+    networks = chosen("network", cfg.get("network"), networks_of(cfg, row.architecture))
+    if row.folds:
+        folds = one_of(f"trainings.{name}.folds", row.folds, cfg.folds)
+        named = [(f"finetune_{key}", folds[key], key) for key in chosen("fold", cfg.get("fold"), list(folds))]
+    else:
+        named = [(name.removeprefix(f"{row.architecture}_"), None, "")]
     tasks = [
-        (
-            cfg,
-            row,
-            f"{name}, {fold}",
-            folds[fold],
-            weights / fold,
-            curve / f"finetune_{fold}_{row.network}.tsv",
-        )
-        for fold in chosen
+        (cfg, row, network, fold, out / network / key, curves / f"{title}_{network}.tsv")
+        for network in networks
+        for title, fold, key in named
     ]
-    in_parallel(train, tasks, name, "fold")
+    in_parallel(train, tasks, name, "training")
+
+
+def chosen(key: str, value: str | None, known: list[str]) -> list[str]:
+    """Return one of some names, or all of them if none is given."""
+    return known if value is None else [one_of(key, value, {name: name for name in known})]
 
 
 if __name__ == "__main__":

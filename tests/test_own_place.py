@@ -61,17 +61,17 @@ def run(script, cfg, **given):
 def bring(project, name):
     """Bring a place as far as training."""
     run("ingest", project, name=name)
-    run("features", project, kind="real", name=name)
-    run("encode", project, rows=f"data/features/real/{name}", out=f"data/embeddings/real/{name}")
+    alone = project | {"places": {name: project["places"][name]}}
+    for features in project["features"]:
+        run("rows", alone, name=features, kind="real")
+    run("embed", project, rows="data/rows/lstm/real", out="data/embeddings/real")
 
 
-def evaluate(project, networks):
-    """Test the simple methods and the networks of a folder below models."""
-    for name in project["methods"]["baselines"]:
-        run("evaluate_baseline", project, name=name)
-    for group in ("networks", "memoryless"):
+def evaluate(project):
+    """Test all methods."""
+    for group in ("baselines", "networks"):
         for name in project["methods"][group]:
-            run("evaluate", project, name=name, networks=networks)
+            run("evaluate", project, name=name)
 
 
 def report(project):
@@ -118,13 +118,12 @@ def made(tmp_path_factory):
     torch.manual_seed(0)
     write_autoencoder(folder / "models/autoencoder")
     for name, method in params["methods"]["networks"].items():
-        network = parse_settings(method["settings"]).build(WIDTHS, params["protocol"]["horizon_steps"])
-        write_network(folder / "models/main" / name, network)
-    widths = widths_of(MIXTURE_ROWS.features)
-    for name, method in params["methods"]["memoryless"].items():
-        network = parse_settings(method["settings"] | {"units": 8}).build(widths, 10)
-        for trained in ("main", "folds/crossing", "folds/fold"):
-            write_network(folder / "models" / trained / name, network, MIXTURE_ROWS)
+        is_mixture = method["settings"]["architecture"] == "mixture"
+        settings = method["settings"] | ({"units": 8} if is_mixture else {})
+        widths = widths_of(MIXTURE_ROWS.features) if is_mixture else WIDTHS
+        network = parse_settings(settings).build(widths, params["protocol"]["horizon_steps"])
+        for trained in (f"main/{name}", f"folds/{name}/crossing", f"folds/{name}/fold"):
+            write_network(folder / "models" / trained, network, *([MIXTURE_ROWS] if is_mixture else []))
     return folder, params
 
 
@@ -159,11 +158,11 @@ def crossing(project, brought):
 def test_it_has_stages_of_its_own(made):
     """One of them as it reads its parameters; the others as DVC knows them, with keys that are there."""
     folder, params = made[0], OmegaConf.create(made[1])
-    assert config.declared(folder, "features_real@crossing", []).places.crossing.tracker == "kalman"
+    assert config.declared(folder, "ingest@crossing", []).places.crossing.source == "scene_folder"
     with Repo(str(folder), uninitialized=True) as project:
         known = load_file(project, str(folder / "dvc.yaml")).stages
-        for stage in ("ingest", "encode_real", "finetune@lstm", "evaluate_fold@lstm"):
-            for need in known[f"{stage}{'-' if '@' in stage else '@'}crossing"].deps:
+        for stage in ("ingest@crossing", "rows@lstm-real", "train@lstm_folds", "evaluate@lstm"):
+            for need in known[stage].deps:
                 for key in need.params if isinstance(need, ParamsDependency) else ():
                     assert OmegaConf.select(params, key, throw_on_missing=True) is not None
 
@@ -179,15 +178,15 @@ def test_it_flows_from_tracks_to_the_page(crossing, monkeypatch):
     """Every picture is composed, but only those of the page are painted, which takes most of the time."""
     monkeypatch.setattr("pedpred.report.document.write_png", lambda figure, path: None)
     project = crossing
-    run("train", project, name="lstm", phase="finetune", fold="trained")
-    assert Path("models/folds/trained/lstm/weights.safetensors").exists()
-    curve = pd.read_csv("reports/curves/real/finetune_trained_lstm.tsv", sep="\t")
+    run("train", project, name="lstm_folds", fold="trained")
+    assert Path("models/folds/lstm/trained/weights.safetensors").exists()
+    curve = pd.read_csv("reports/curves/real/lstm/finetune_trained_lstm.tsv", sep="\t")
     assert curve["validation_ade_m"].notna().all()
     for name in NETWORKS:
-        run("train", project, name=name, phase="finetune", fold="crossing")
+        run("train", project, name=f"{name}_folds", fold="crossing")
     del project["folds"]["real"]["trained"]
     project["folds"] = {"real": project["folds"]["real"]}
-    evaluate(project, "folds/crossing")
+    evaluate(project)
     run("gather", project, name="real")
     figures = json.loads(Path("reports/metrics/real.json").read_text())
     assert set(figures) == {"crossing"}
@@ -211,8 +210,8 @@ def test_simple_methods_are_tested_there_alone_as_the_page_says(project):
 
 def test_figures_stay_while_nothing_is_evaluated(project):
     for stage, folder, arguments in (
-        ("gather", f"data/scores/baselines/{project['comparison']['reference']}", {"name": "real"}),
-        ("gather_literature", f"data/literature/{next(iter(project['literature']['folds']))}", {}),
+        ("gather", f"data/scores/{project['comparison']['reference']}", {"name": "real"}),
+        ("eth_ucy_gather", f"data/eth_ucy/scores/{next(iter(project['literature']['folds']))}", {}),
     ):
         with pytest.raises(InputError, match=f"^{folder}, scores: there are none"):
             run(stage, project, **arguments)
@@ -233,11 +232,10 @@ def test_training_goes_without_a_missing_place(crossing):
     crossing["folds"]["real"] = {
         name: {"train": [f"real/{place}" for place in places]} for name, places in trained.items()
     }
-    for fold in trained:
-        run("train", crossing, name="lstm", phase="finetune", fold=fold)
+    run("train", crossing, name="lstm_folds")
     before, other, without, both = (
-        Path("models", folder, "lstm/weights.safetensors").read_bytes()
-        for folder in ("main", *(f"folds/{fold}" for fold in trained))
+        Path("models", folder, "weights.safetensors").read_bytes()
+        for folder in ("main/lstm", *(f"folds/lstm/{fold}" for fold in trained))
     )
     assert without == before
     assert both == other != before
@@ -251,9 +249,9 @@ def test_a_missing_place_is_in_no_result(project):
         "real": {"fold": {"train": [], "test": ["real/eth"]}},
     }
     for name in NETWORKS:
-        run("train", project, name=name, phase="finetune", fold="fold")
-    for study, networks in (("transfer", "main"), ("real", "folds/fold")):
-        evaluate(project, networks)
+        run("train", project, name=f"{name}_folds")
+    evaluate(project)
+    for study in ("transfer", "real"):
         run("gather", project, name=study)
         assert json.loads(Path(f"reports/metrics/{study}.json").read_text()) == {}
     report(project)
@@ -262,7 +260,7 @@ def test_a_missing_place_is_in_no_result(project):
     assert all(Path("reports", name).is_dir() for name in ("real", "horizon/real")), "DVC expects both"
     assert Path("reports/places").is_dir(), "DVC expects it"
     assert "| eth | no raw data of eth: the archive is down |" in Path("reports/report.md").read_text()
-    run("record", project, scene="real/eth", networks="folds/fold")
+    run("record", project, scene="real/eth", networks="fold")
     assert not len(read_recording(Path("data/recordings/eth.mcap")).trajectories)
     with Image.open("reports/walking/eth.gif") as picture:
         assert picture.n_frames == 1
@@ -278,9 +276,10 @@ def test_a_stand_in_flows_from_the_example_to_the_pages(project):
         "real": {"stand_in": project["folds"]["real"]["stand_in"]},
     }
     bring(project, place)
-    shutil.copytree("models/main", "models/folds/stand_in")
-    for study, networks in (("transfer", "main"), ("real", "folds/stand_in")):
-        evaluate(project, networks)
+    for name in project["methods"]["networks"]:
+        shutil.copytree(f"models/main/{name}", f"models/folds/{name}/stand_in")
+    evaluate(project)
+    for study in ("transfer", "real"):
         run("gather", project, name=study)
     report(project)
     for name in ("real", "report"):
@@ -291,6 +290,6 @@ def test_a_stand_in_flows_from_the_example_to_the_pages(project):
         assert "Real" not in page
         assert "fine-tuned" not in page
     assert json.loads(Path("reports/metrics/real.json").read_text()).keys() == {place}
-    run("record", project, scene=f"real/{place}", networks="folds/stand_in")
+    run("record", project, scene=f"real/{place}", networks="stand_in")
     with Image.open(f"reports/walking/{place}.gif") as picture:
         assert picture.n_frames > 1

@@ -110,7 +110,7 @@ class Judgement:
     def trained_on(self) -> set[str]:
         """Real places that trained the network."""
         weights = Path(self.origin["networks"])
-        if weights.name == "robot":
+        if weights.name.endswith("robot"):
             return set(self.params.places)
         if "fold" not in self.origin:
             return set()
