@@ -47,8 +47,7 @@ reproduce: setup ## run what is out of date: raw data, networks, reports/ and th
 	@python -m pedpred.config --check
 	@python -m tools.recordings
 	@if compgen -G 'data/raw/*/UNAVAILABLE.txt' > /dev/null; then exec .ci/incomplete; fi; \
-	python -m tools.branches; failed=0; \
-	dvc repro --keep-going || failed=1; \
+	failed=0; dvc repro --keep-going --all-pipelines || failed=1; \
 	python -m tools.readme || failed=1; exit $$failed
 
 compare: setup ## list metrics that left their intervals since REV=<revision>; fails if some got worse
@@ -86,9 +85,8 @@ trust: setup ## test the guarantees at length: damaged files, killed stages, a m
 docs: setup ## build the documentation into build/site; fails on a broken link
 	NO_MKDOCS_2_WARNING=1 mkdocs build --quiet --strict
 
-readme: setup ## write the tables of results into README.md and docs/, those of the pipeline into ARCHITECTURE.md
+readme: setup ## write the tables of results into README.md and docs/
 	python -m tools.readme
-	python -m tools.staleness --write
 
 dist: setup ## build the wheel and the source archive into build/dist
 	build/packager/bin/python -m build --version > /dev/null 2>&1 || { python -m venv --clear build/packager && build/packager/bin/pip install --quiet build; }

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from stages.config import weights_of
+from stages.config import EXPORTING, weights_of
 from stages.folds import trained_sets
 from tests.configuration import composed, read
 from tests.conftest import ROOT
@@ -48,7 +48,7 @@ def test_by_default_all_places_are_tested():
 )
 def test_robots_drive_with_networks_that_some_fold_trains(overrides):
     params = composed(*overrides)
-    exports = params["online"]["exports"]
+    exports = {name: row for group in EXPORTING for name, row in params[group]["exports"].items()}
     if not any(override.startswith("~") for override in overrides):
         for row in exports.values():
             assert row["weights"] in weights_of(params, row["network"])

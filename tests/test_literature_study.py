@@ -9,7 +9,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
-from stages.gather_literature import figures_of
+from stages.eth_ucy_gather import figures_of
 from stages.literature import comparison_of
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
@@ -246,9 +246,9 @@ def test_coverage_is_that_of_all_seeds(tmp_path, monkeypatch):
     ]
     named = {STRONGEST: seeds[0], "lstm": mean_scores(seeds), "lstm_0": seeds[0], "lstm_1": seeds[1]}
     for name, each in named.items():
-        write_scores(each, Path("data/literature/a/a", name, "one.parquet"))
+        write_scores(each, Path("data/eth_ucy/scores/a/a", name, "one.parquet"))
     study = {"seeds": [0, 1], "folds": {"a": {"test": ["a"]}}, "scenes": {"a": ["one"]}}
-    study |= {"networks": ["lstm"], "memoryless": []}
+    study |= {"networks": ["lstm"]}
     figures = figures_of(OmegaConf.create({"literature": study}), "a", Resampling(bootstrap=10))["a"]["lstm"]
     assert [figures[f"per_step_coverage_{share}"] for share in (50, 90, 95)] == [[0.5, 0.5]] * 3
 

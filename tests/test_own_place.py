@@ -122,7 +122,11 @@ def made(tmp_path_factory):
         settings = method["settings"] | ({"units": 8} if is_mixture else {})
         widths = widths_of(MIXTURE_ROWS.features) if is_mixture else WIDTHS
         network = parse_settings(settings).build(widths, params["protocol"]["horizon_steps"])
-        for trained in (f"main/{name}", f"folds/{name}/crossing", f"folds/{name}/fold"):
+        kind = method["settings"]["architecture"]
+        for trained in (
+            f"{kind}_main/{name}",
+            *(f"{kind}_folds/{name}/{fold}" for fold in ("crossing", "fold")),
+        ):
             write_network(folder / "models" / trained, network, *([MIXTURE_ROWS] if is_mixture else []))
     return folder, params
 
@@ -178,12 +182,11 @@ def test_it_flows_from_tracks_to_the_page(crossing, monkeypatch):
     """Every picture is composed, but only those of the page are painted, which takes most of the time."""
     monkeypatch.setattr("pedpred.report.document.write_png", lambda figure, path: None)
     project = crossing
-    run("train", project, name="lstm_folds", fold="trained")
-    assert Path("models/folds/lstm/trained/weights.safetensors").exists()
-    curve = pd.read_csv("reports/curves/real/lstm/finetune_trained_lstm.tsv", sep="\t")
+    run("train", project, name="lstm_folds", network="lstm", fold="trained")
+    assert Path("models/lstm_folds/lstm/trained/weights.safetensors").exists()
+    curve = pd.read_csv("reports/curves/real/lstm_folds/finetune_trained_lstm.tsv", sep="\t")
     assert curve["validation_ade_m"].notna().all()
-    for name in NETWORKS:
-        run("train", project, name=f"{name}_folds", fold="crossing")
+    run("train", project, name="lstm_folds", fold="crossing")
     del project["folds"]["real"]["trained"]
     project["folds"] = {"real": project["folds"]["real"]}
     evaluate(project)
@@ -232,10 +235,10 @@ def test_training_goes_without_a_missing_place(crossing):
     crossing["folds"]["real"] = {
         name: {"train": [f"real/{place}" for place in places]} for name, places in trained.items()
     }
-    run("train", crossing, name="lstm_folds")
+    run("train", crossing, name="lstm_folds", network="lstm")
     before, other, without, both = (
         Path("models", folder, "weights.safetensors").read_bytes()
-        for folder in ("main/lstm", *(f"folds/lstm/{fold}" for fold in trained))
+        for folder in ("lstm_main/lstm", *(f"lstm_folds/lstm/{fold}" for fold in trained))
     )
     assert without == before
     assert both == other != before
@@ -248,8 +251,7 @@ def test_a_missing_place_is_in_no_result(project):
         "transfer": {"simulation": {"test": ["real/eth"]}},
         "real": {"fold": {"train": [], "test": ["real/eth"]}},
     }
-    for name in NETWORKS:
-        run("train", project, name=f"{name}_folds")
+    run("train", project, name="lstm_folds")
     evaluate(project)
     for study in ("transfer", "real"):
         run("gather", project, name=study)
@@ -276,8 +278,9 @@ def test_a_stand_in_flows_from_the_example_to_the_pages(project):
         "real": {"stand_in": project["folds"]["real"]["stand_in"]},
     }
     bring(project, place)
-    for name in project["methods"]["networks"]:
-        shutil.copytree(f"models/main/{name}", f"models/folds/{name}/stand_in")
+    for name, row in project["methods"]["networks"].items():
+        kind = row["settings"]["architecture"]
+        shutil.copytree(f"models/{kind}_main/{name}", f"models/{kind}_folds/{name}/stand_in")
     evaluate(project)
     for study in ("transfer", "real"):
         run("gather", project, name=study)

@@ -28,7 +28,7 @@ from tests.worlds import walled_scene
 ROOT = Path(__file__).resolve().parents[2]
 PARAMS = read("params.yaml")
 FOLDS = PARAMS["folds"]
-PRETRAINED = ("autoencoder", "corridor", "main")
+PRETRAINED = ("autoencoder", "lstm_corridor", "lstm_main", "mixture_main")
 """Folders of networks that were trained in simulation only."""
 of_dvc = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")
 
@@ -83,7 +83,7 @@ def test_a_network_is_tested_where_it_has_never_been(study, fold):
 
 
 @pytest.mark.parametrize("fold", FOLDS["real"])
-@pytest.mark.parametrize("training", [name for name, row in PARAMS["trainings"].items() if "folds" in row])
+@pytest.mark.parametrize("training", [name for name, row in PARAMS["trainings"].items() if row.get("folds")])
 def test_a_fold_trains_on_its_own_real_sets_alone(training, fold, monkeypatch):
     def record(*given, **named):
         read.update(re.findall(r"data/rows/\w+/(\w+/\w+)", repr((given, named))))
@@ -110,9 +110,8 @@ def test_a_fold_is_tested_with_its_own_weights(network, monkeypatch):
         for at, folder, trial in evaluate.trials_of_network(cfg, network)
         if folder.name != "main"
     }
-    expected = {
-        at: Path("models/folds", network, name) for name, row in FOLDS["real"].items() for at in row["test"]
-    }
+    architecture = PARAMS["methods"]["networks"][network]["settings"]["architecture"]
+    expected = {at: Path(f"models/{architecture}_folds", network, fold) for fold, at in folds}
     assert used == expected
 
 
