@@ -12,8 +12,8 @@ import numpy as np
 from pedpred.errors import InputError
 from pedpred.files import open_picture, translate_errors
 from pedpred.ros.frames import TWO_TURNS_RAD
-from pedpred.ros.turned_maps import turned_map
 from pedpred.scenes import OccupancyMap
+from pedpred.scenes.turned_maps import turned_map
 
 # The parts of a file that mean the same in a map that is not turned.
 from pedpred.storage.maps import _field, _meaning, _number, picture_of

@@ -11,7 +11,6 @@ from pedpred.command.libraries import missing_libraries
 from pedpred.models.features import FEATURES
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.online.warming import meeting, say_where, warm_up
-from pedpred.ros.turned_maps import warm_up_turning
 from pedpred.scenes import Scene
 
 
@@ -47,7 +46,6 @@ def warm_up_commands(model: Path | None) -> None:
     """
     begun_s = time.monotonic()
     warm_up(model)
-    warm_up_turning()
     if not missing_libraries():
         _warm_up_evaluation(OnlinePredictor.load(model))
         say_where(begun_s)
