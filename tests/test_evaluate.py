@@ -10,10 +10,10 @@ import pytest
 import yaml
 
 from pedpred.command import main
-from pedpred.command.conversion import read_any
 from pedpred.command.evaluation import Apart
 from pedpred.command.forecast_tables import COLUMNS
-from pedpred.command.prediction import robot_for
+from pedpred.command.prediction import predictor_for
+from pedpred.command.recordings import open_scene
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.online.assessment import assess
@@ -169,12 +169,12 @@ def test_alone_means_each_person_by_itself(hall, mixture):
     scene, settings = read_scene(hall), EvaluationSettings(bootstrap=1)
     own = Apart.of(scene.trajectories).moved(scene.trajectories)
     alone = dataclasses.replace(scene, trajectories=own)
-    robot = robot_for(scene, mixture[0], learn_trust=False)  # as `--alone` has it
+    robot = predictor_for(scene, mixture[0], learn_trust=False)  # as `--alone` has it
     together = assess(alone, robot, settings)["network"]
     people = scene.trajectories.track_id
     for track in np.unique(people):
         one = dataclasses.replace(scene, trajectories=scene.trajectories.select(people == track))
-        own = assess(one, robot_for(scene, mixture[0]), settings)["network"]
+        own = assess(one, predictor_for(scene, mixture[0]), settings)["network"]
         np.testing.assert_allclose(together.error_m[together.track == track], own.error_m, atol=1e-6)
 
 
@@ -218,8 +218,8 @@ def table_of_forecasts(path, forecasts, every=1):
 
 
 def test_our_own_forecasts_in_a_table_are_measured_as_ours(hall, tmp_path, mixture):
-    scene = read_any(hall)
-    table_of_forecasts(tmp_path / "theirs.csv", replay_scene(scene, robot_for(scene, mixture[0])))
+    scene = open_scene(hall)
+    table_of_forecasts(tmp_path / "theirs.csv", replay_scene(scene, predictor_for(scene, mixture[0])))
     given = (hall, "--model", mixture[0], "--forecasts", tmp_path / "theirs.csv")
     figures = measured(*given, out=tmp_path / "e.json")["hall"]
     for metric in ("min_ade_m_k3", "min_fde_m_k6", "most_likely_ade_m"):
@@ -228,8 +228,8 @@ def test_our_own_forecasts_in_a_table_are_measured_as_ours(hall, tmp_path, mixtu
 
 
 def test_methods_are_compared_where_a_table_has_forecasts(hall, tmp_path, mixture, caplog):
-    scene = read_any(hall)
-    table_of_forecasts(tmp_path / "rare.csv", replay_scene(scene, robot_for(scene, mixture[0])), every=5)
+    scene = open_scene(hall)
+    table_of_forecasts(tmp_path / "rare.csv", replay_scene(scene, predictor_for(scene, mixture[0])), every=5)
     with caplog.at_level("INFO"):
         given = (hall, "--model", mixture[0], "--forecasts", tmp_path / "rare.csv")
         figures = measured(*given, out=tmp_path / "e.json")["hall"]
@@ -434,7 +434,7 @@ def test_methods_are_compared_where_all_files_have_forecasts(walk, tmp_path, mix
 def test_no_other_method_has_the_name_of_one_that_is_always_there(name, hall, mixture):
     scene = read_scene(hall)
     with pytest.raises(ValueRuleError, match=name):
-        assess(scene, robot_for(scene, mixture[0]), EvaluationSettings(), others={name: None})
+        assess(scene, predictor_for(scene, mixture[0]), EvaluationSettings(), others={name: None})
 
 
 AROUND, SEEN = range(4), 16
@@ -482,7 +482,7 @@ def test_forecasts_follow_their_people_through_every_option(options, recording, 
 
 
 def test_tracks_apart_share_no_instant_and_keep_their_times(circles):
-    people = read_any(circles / "walk.csv").trajectories
+    people = open_scene(circles / "walk.csv").trajectories
     apart = Apart.of(people)
     moved = apart.moved(people)
     first, last = ([f(moved.time_s[moved.track_id == who]) for who in AROUND] for f in (np.min, np.max))

@@ -12,7 +12,7 @@ from pedpred.command.forecast_tables import SUFFIXES, write_forecasts
 from pedpred.command.recordings import open_recording, warn_without_obstacles
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.fields import parsed
-from pedpred.files import read_yaml, translate_errors
+from pedpred.files import check_input, read_yaml, translate_errors
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import read_description
 from pedpred.online.replay import as_windows, replay_with_progress
@@ -77,8 +77,12 @@ def predictor_for(
         tracker: in place of the model's.
         detection_noise_m: see `OnlineSettings`.
         learn_trust: see there.
+
+    Raises:
+        InputError: a file of the model is missing or damaged.
     """
     folder = default_model() if model is None else model
+    check_input(folder, folder=True)
     lost_after_s = read_description(folder).protocol.lost_after_s
     settings = OnlineSettings(
         min(max(0.5, 1.25 * scene.detection_dt_s), lost_after_s),
