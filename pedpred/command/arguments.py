@@ -72,12 +72,16 @@ def check(arguments: argparse.Namespace) -> None:
     arguments.check(arguments)
     for model in _paths(getattr(arguments, "model", None)):
         read_description(model)
-    for name in _OUTPUTS:
-        for output in _paths(getattr(arguments, name, None)):
-            for path in written_to(output):
-                _check_output(path, inputs, folder=name == "output" and not path.suffix)
-                if name not in _OVERWRITTEN and not arguments.force and (path.exists() or path.is_symlink()):
-                    sys.exit(f"{path} is there already; --force replaces it")
+    used = [path.resolve() for path in inputs]
+    outputs = [(name, path) for name in _OUTPUTS for path in _paths(getattr(arguments, name, None))]
+    for name, output in outputs:
+        for path in written_to(output):
+            check_output(path, folder=name == "output" and not path.suffix)
+            if path.resolve() in used:
+                raise OutputError(path, "it is an input or another output of this command")
+            if name not in _OVERWRITTEN and not arguments.force and (path.exists() or path.is_symlink()):
+                sys.exit(f"{path} is there already; --force replaces it")
+            used.append(path.resolve())
 
 
 def _paths(value: Any) -> list[Path]:
@@ -85,12 +89,6 @@ def _paths(value: Any) -> list[Path]:
     if isinstance(value, list | tuple):
         return [path for one in value for path in _paths(one)]
     return [value] if isinstance(value, Path) else []
-
-
-def _check_output(path: Path, inputs: list[Path], folder: bool) -> None:
-    check_output(path, folder)
-    if any(path.exists() and path.samefile(other) for other in inputs):
-        raise OutputError(path, "it is an input of this command")
 
 
 def _add(

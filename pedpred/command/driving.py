@@ -53,8 +53,9 @@ def check_drive(arguments: argparse.Namespace) -> None:
     for other, unused in (beside_place, beside_output):
         for name in unused:
             if (value := getattr(arguments, name, None)) is not None:
-                option = "--people" if name == "reaction" else option_of(name)
-                raise ValueRuleError(option, str(value), f"it has no meaning beside {other}: omit it")
+                raise ValueRuleError(
+                    option_of(name), str(value), f"it has no meaning beside {other}: omit it"
+                )
     if arguments.record is not None:
         _complete_record(arguments)
     for name, usual in TABLE_DEFAULTS.items():
@@ -82,9 +83,7 @@ def _complete_record(arguments: argparse.Namespace) -> None:
     drives = _models(arguments).conditions(arguments.method, arguments.risk)
     if len(drives) > 1:
         several = ", ".join(f"{one.method} at {one.risk:g}" for one in drives)
-        rule = (
-            "it holds one drive: give one --method, one --risk and no --compare, or a name that ends in .png"
-        )
+        rule = "it holds one drive: give one --method and one --risk, no --compare, or a name with .png"
         raise ValueRuleError("--record", several, rule)
 
 

@@ -8,13 +8,19 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from pedpred.command.recordings import OPEN_FIELDS, Edge, OpenOptions
+from pedpred.command.recordings import IDENTITIES, OPEN_FIELDS, Edge, OpenOptions
 from pedpred.reading.options import UNITS, ReadOptions
 from pedpred.reading.pixels import read_homography
 from pedpred.ros import Transform
 from pedpred.scenes.people import PERSON_CLASSES
 
-_OPTION_OF = {"classes": "--class", "rate_hz": "--rate", "pixel_m": "--scale", "open_ends": "--open-end"}
+_OPTION_OF = {
+    "classes": "--class",
+    "rate_hz": "--rate",
+    "pixel_m": "--scale",
+    "open_ends": "--open-end",
+    "reaction": "--people",  # of `pedpred drive`
+}
 """Field -> option, where the names differ."""
 
 
@@ -41,6 +47,10 @@ def recording_options() -> argparse.ArgumentParser:
     add("--topic", help="topic of the people in a bag, if several topics carry people")
     grids = "topic of the map in a bag (default: /map, or else the only grid that is no costmap); '': no map"
     add("--map-topic", help=grids)
+    fields = "fields of the people in messages of another type, such as people,id=id,position=pose.position,"
+    add("--people", metavar="FIELDS", help=f"{fields}class=label")
+    ids = "ids of people in a bag: auto (default): those of the messages if they stay, else by position"
+    add("--identities", choices=IDENTITIES, help=ids)
     pose = "pose of the people's frame in the map's frame, if the two differ, m, m, rad"
     add("--transform", type=float, nargs=3, metavar=("X", "Y", "YAW"), help=pose)
     usual = f"any with the word {', '.join(PERSON_CLASSES)}"

@@ -28,6 +28,8 @@ from pedpred.storage.maps import read_map
 _MAP_BESIDE, _MOST_OUTSIDE = "map.yaml", 0.5
 _log = logging.getLogger(__name__)
 
+IDENTITIES = ("auto", "given", "assigned")
+"""Ids of people in bags: those of the messages where they stay, always those, or always new ones."""
 Edge = tuple[tuple[float, float], tuple[float, float]]
 
 
@@ -39,6 +41,8 @@ class OpenOptions:
         file: about files of tracks, and classes of people.
         topic: of the people in a bag; None: the only one that carries people.
         map_topic: of the map in a bag, see `read_bag`; "": the bag's maps are left out.
+        people: fields of the people in messages of a bag whose type is not known, see `read_bag`.
+        identities: how people in a bag are identified, one of `IDENTITIES`.
         transform: pose of the people's frame in the map's frame, where the two differ.
         map: of a map or geometry that replaces that of the recording.
         no_map: leave out all maps: the ground is free.
@@ -48,6 +52,8 @@ class OpenOptions:
     file: ReadOptions = field(default_factory=ReadOptions)
     topic: str | None = None
     map_topic: str | None = None
+    people: str | None = None
+    identities: str = IDENTITIES[0]
     transform: Transform | None = None
     map: Path | None = None
     no_map: bool = False
@@ -147,7 +153,9 @@ def _read_bag(path: Path, options: OpenOptions) -> Recording:
     names = TrackNames()
     map_topic = "" if options.map is not None or options.no_map else options.map_topic
     classes = options.file.classes or PERSON_CLASSES
-    scene = read_bag(path, options.topic, options.transform, map_topic, classes, names.of_number)
+    people = {"fields": options.people, "identities": options.identities}
+    more = {name: value for name, value in people.items() if value not in (None, IDENTITIES[0])}
+    scene = read_bag(path, options.topic, options.transform, map_topic, classes, names.of_number, **more)
     return Recording(scene, names, "ROS bag")
 
 
@@ -163,7 +171,7 @@ _ALWAYS = frozenset({"transform", "map", "no_map", "open_ends", "any_speed"})
 _FILE = frozenset(one.name for one in fields(ReadOptions))
 _TRACKS = _Kind("file of tracks", _read_tracks, _ALWAYS | _FILE)
 _FOLDER = _Kind("scene folder", _read_folder, _ALWAYS)
-_BAG = _Kind("ROS bag", _read_bag, _ALWAYS | {"topic", "map_topic", "classes"})
+_BAG = _Kind("ROS bag", _read_bag, _ALWAYS | {"topic", "map_topic", "classes", "people", "identities"})
 
 
 def _kind_of(path: Path, one_person_per_file: bool) -> _Kind:
