@@ -67,7 +67,7 @@ def recording_options() -> argparse.ArgumentParser:
     fast = "read people who are faster than people walk, with a warning"
     add("--any-speed", action="store_true", help=fast)
     counted = "frames per second, if the file counts frames and does not state their rate, Hz"
-    add("--rate", dest="rate_hz", type=float, metavar="RATE", help=counted)
+    add("--rate", "--frame-rate", dest="rate_hz", type=float, metavar="RATE", help=counted)
     long = "unit of lengths in a table or text (default: what the file says, else m)"
     add("--unit", choices=list(UNITS), help=long)
     side = "side of a pixel, if positions are pixels of a picture (Stanford Drone Dataset, tables), m"
