@@ -14,11 +14,11 @@ from pedpred.reading.checks import check_speeds
 from pedpred.ros.bag_content import Ground, Messages
 from pedpred.ros.bag_reader import BagReader
 from pedpred.ros.decoding import CDR, ROS1, Connection
-from pedpred.ros.detections import Instant, People
 from pedpred.ros.frame_tree import FrameTree, frame_name
 from pedpred.ros.frames import Transform
 from pedpred.ros.message_types import MAP, TRANSFORMS, TYPES, UPDATE_TYPE
-from pedpred.ros.people import ADAPTERS, LABELLED
+from pedpred.ros.old_detections import Instant, People
+from pedpred.ros.old_people import ADAPTERS, LABELLED
 from pedpred.ros.places import check_lengths, check_several, warn_of_repeats
 from pedpred.ros.planning import NO_MAP
 from pedpred.ros.scene_messages import map_of_grid
