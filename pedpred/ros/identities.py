@@ -19,6 +19,7 @@ _MESSAGES = 10
 _NEW_SHARE = 0.95
 _UNNAMED = frozenset({"", "-1", "nan", "-nan"})
 _LARGEST = 2**63 - 1
+_ASSIGNED = "ids are missing, shared, or new in each message: people are identified by position"
 _log = logging.getLogger(__name__)
 
 
@@ -74,16 +75,35 @@ class Identities:
             people, see `are_identities`.
         has_ids: whether the type of the messages has ids.
         kept_s: a name that is not used for so long loses its number; None: never, s.
+        recording: the ids in all messages, which then decide; None: the last messages of a live stream do.
+
+    Attributes:
+        unnamed: number of detections without an id, among those that are identified by ids.
+
+    Raises:
+        ValueRuleError: there is no such mode.
     """
 
-    def __init__(self, mode: str = "auto", has_ids: bool = True, kept_s: float | None = None):
+    def __init__(
+        self,
+        mode: str = "auto",
+        has_ids: bool = True,
+        kept_s: float | None = None,
+        recording: Sequence[Sequence[str]] | None = None,
+    ):
+        if mode not in MODES:
+            raise ValueRuleError("identities", mode, f"it must be one of {', '.join(MODES)}")
         self._mode = mode if has_ids or mode == "given" else "assigned"
-        self._kept_s = kept_s
+        self._kept_s, self._is_live, self.unnamed = kept_s, recording is None, 0
         self._nearest, self._numbers = NearestTracks(), TrackNumbers()
         self._used_s: dict[str, float] = {}
         self._names: dict[int, str] = {}
         self._recent: deque[Sequence[str]] = deque(maxlen=_MESSAGES)
-        self._are_assigned, self._has_negative = self._mode == "assigned", False
+        self._are_assigned, self._has_negative = False, False
+        messages = [self._known(ids) for _ in range(2) for ids in recording or ()]  # -1 depends on others
+        if self._mode == "auto" and not are_identities(messages[len(messages) // 2 :]):
+            _log.warning(_ASSIGNED)
+            self._mode = "assigned"
 
     @property
     def names(self) -> dict[int, str]:
@@ -114,15 +134,13 @@ class Identities:
         if self._mode == "given":
             if "" in ids or len(set(ids)) < len(ids):
                 raise ValueRuleError("id", ids, f"each person needs an own id: {_REMEDY}")
-        elif ids:
+        elif ids and self._is_live:
             self._recent.append(ids)
             self._decide()
         names = [""] * len(ids) if self._are_assigned else ids
         unnamed = np.array([not name for name in names], bool)
         if unnamed.any():
-            if not self._are_assigned:
-                text = "%d of %d people have no id: they are identified by position"
-                _log.warning(text, unnamed.sum(), len(ids))
+            self.unnamed += 0 if self._are_assigned else int(unnamed.sum())
             assigned = iter(self._nearest.assign(time_s, position[unnamed]).tolist())
             names = [name or f"#{next(assigned)}" for name in names]
         return self._numbered(time_s, names)
@@ -141,7 +159,7 @@ class Identities:
         """Decide whether ids count from this message on, and log a change."""
         was_assigned, self._are_assigned = self._are_assigned, not are_identities(self._recent)
         if self._are_assigned and not was_assigned:
-            _log.warning("ids are missing, shared, or new in each message: people are identified by position")
+            _log.warning(_ASSIGNED)
         elif was_assigned and not self._are_assigned:
             _log.info("people have ids from here on")
 
