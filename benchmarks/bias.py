@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks import pages
 from benchmarks.timing import tell
 from pedpred.baselines.present_motion import PRESENT_MOTION
-from pedpred.command.prediction import robot_for
+from pedpred.command.prediction import predictor_for
 from pedpred.errors import user_errors
 from pedpred.evaluation.scores import integrate_truth
 from pedpred.evaluation.windows import ask_about_windows
@@ -36,7 +36,7 @@ FEWEST = 30
 
 def ahead_m(scene: Scene, model: Path | None) -> dict[str, np.ndarray]:
     """Displacement of each window along the heading, m, and the present speed, m/s. [W] each."""
-    age_s = robot_for(scene, None).settings.max_age_s
+    age_s = predictor_for(scene, None).settings.max_age_s
     predictor = OnlinePredictor.load(model, OnlineSettings(age_s, learn_trust=False))
     about, sizes = predictor.description, predictor.protocol
     how = Perception(predictor.filters, about.standstill_mps)

@@ -27,8 +27,7 @@ from benchmarks.driving_curves import PAGE
 from benchmarks.driving_variants import VARIANTS, Trial, drive_episode
 from benchmarks.pages import check_command, put
 from benchmarks.timing import tell
-from pedpred.command.arguments import parser as command_parser
-from pedpred.command.conversion import read_given
+from pedpred.command.recordings import open_scene
 from pedpred.driving.episodes import Recording
 from pedpred.driving.figures import Episodes, equal_time, share_interval
 from pedpred.driving.runs import Places
@@ -44,7 +43,7 @@ def places_of(scene: Path | None, world: str, react: bool) -> Places:
     """A recorded scene; without one, simulated worlds whose people react to the robot or do not."""
     if scene is None:
         return Worlds(world, react)
-    return Recording(read_given(command_parser().parse_args(["drive", str(scene)])))
+    return Recording(open_scene(scene))
 
 
 def compare(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:

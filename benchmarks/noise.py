@@ -17,7 +17,7 @@ from typing import Any
 from benchmarks import pages
 from benchmarks.accuracy import ade_m
 from benchmarks.timing import tell
-from pedpred.command.evaluation import Apart
+from pedpred.command.evaluation import IsolatedTracks
 from pedpred.errors import user_errors
 from pedpred.features.perception import sensed
 from pedpred.online.settings import OnlineSettings
@@ -79,7 +79,8 @@ def main() -> None:
         rows_then = scene.trajectories.time_s < scene.trajectories.time_s.min() + options.seconds
         scene = replace(scene, trajectories=scene.trajectories.select(rows_then))
         if options.alone:
-            scene = replace(scene, trajectories=Apart.of(scene.trajectories).moved(scene.trajectories))
+            people = scene.trajectories
+            scene = replace(scene, trajectories=IsolatedTracks.of(people).shifted(people))
         if options.no_map:
             scene = replace(scene, occupancy=OccupancyMap.free_around(scene.trajectories.position))
         faster = 1.0 / scene.detection_dt_s > options.detections

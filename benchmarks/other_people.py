@@ -17,7 +17,7 @@ import shapely
 from benchmarks import pages
 from benchmarks.accuracy import ade_m
 from benchmarks.timing import tell
-from pedpred.command.conversion import read_any
+from pedpred.command.recordings import open_scene
 from pedpred.errors import user_errors
 from pedpred.online.settings import OnlineSettings
 
@@ -82,7 +82,7 @@ def simulate(
 
 def errors_m(path: Path, model: Path | None) -> dict[str, float]:
     """Errors of the network, alone and with trust, and of simple methods in a file of JuPedSim, m."""
-    scene = read_any(path)
+    scene = open_scene(path)
     trusting, alone = (
         ade_m(scene, model, OnlineSettings(0.125, learn_trust=trust)) for trust in (True, False)
     )

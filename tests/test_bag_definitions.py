@@ -5,7 +5,7 @@ from contextlib import closing
 
 import pytest
 
-from pedpred.command.conversion import read_any
+from pedpred.command.recordings import open_scene
 from pedpred.errors import InputError
 from pedpred.ros import ADAPTERS, read_bag
 from pedpred.ros.definitions import EDITIONS
@@ -30,9 +30,9 @@ def test_every_type_is_known_where_a_bag_does_not_define_it(kind, edition, stora
             base.executescript("DROP TABLE message_definitions; UPDATE schema SET schema_version = 3;")
     if edition == 2 and kind.startswith("vision_msgs"):
         with pytest.raises(InputError, match=r"id = ''.*who is who"):
-            read_any(path)
+            open_scene(path)
         return
-    check(read_any(path), (0, 1) if kind.endswith("PoseArray") else (3, 8))
+    check(open_scene(path), (0, 1) if kind.endswith("PoseArray") else (3, 8))
 
 
 def test_an_empty_definition_among_others_is_none(tmp_path):
@@ -56,10 +56,10 @@ def test_messages_of_ros_1_in_mcap_are_read(kind, defined, tmp_path):
     path = write_mcap(
         Filled(0, ros1=True), tmp_path / "hall.mcap", kind, "ros1", "ros1msg", b"yes" if defined else b""
     )
-    check(read_any(path), (0, 1) if kind.endswith("PoseArray") else (3, 8))
+    check(open_scene(path), (0, 1) if kind.endswith("PoseArray") else (3, 8))
 
 
 def test_another_encoding_is_named(tmp_path):
     path = write_mcap(Filled(0), tmp_path / "hall.mcap", PEOPLE, "json", "jsonschema", b"")
     with pytest.raises(InputError, match=r"no topic carries people, among.*people_msgs/msg/People in json"):
-        read_any(path)
+        open_scene(path)

@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores
 
-from pedpred.command.conversion import read_any
+from pedpred.command.recordings import OpenOptions, open_scene
 from pedpred.errors import InputError
 from pedpred.ros import is_bag, read_bag
 from tests.bags import PEOPLE, Store
@@ -143,7 +143,7 @@ def test_a_folder_is_read_whatever_metadata_yaml_says_of_the_storage(kind, about
         text = metadata.read_text().replace("storage_identifier: sqlite3", "storage_identifier: mcap")
         metadata.write_text(about and text.replace("storage_identifier: mcap", "storage_identifier: ''"))
     assert is_bag(folder)
-    assert walked(read_any(folder)) == COUNT
+    assert walked(open_scene(folder)) == COUNT
     assert bool(about) or "no metadata.yaml" in caplog.text
 
 
@@ -186,11 +186,11 @@ def test_a_file_that_is_compressed_as_a_whole_is_unpacked(kind, tmp_path):
     metadata.write_text(text.replace("compression_format: ''", "compression_format: zstd"))
     assert walked(read_bag(path.parent)) == COUNT
     assert is_bag(packed)
-    assert walked(read_any(packed)) == COUNT
+    assert walked(open_scene(packed)) == COUNT
     metadata.write_text(metadata.read_text().replace(packed.name, path.name))  # as some versions write
     assert walked(read_bag(path.parent)) == COUNT
     metadata.unlink()
-    assert walked(read_any(path.parent)) == COUNT
+    assert walked(open_scene(path.parent)) == COUNT
     packed.write_bytes(raw[: len(raw) // 2])
     with pytest.raises(InputError, match=str(path.parent)), warnings.catch_warnings(action="ignore"):
         read_bag(packed)
@@ -281,12 +281,12 @@ def test_a_bag_of_ros_1_has_many_names(name, tmp_path):
     raw = write("none", tmp_path).read_bytes()
     (tmp_path / name).write_bytes(zstandard.compress(raw) if "zst" in name else raw)
     assert is_bag(tmp_path / name)
-    assert walked(read_any(tmp_path / name)) == COUNT
+    assert walked(open_scene(tmp_path / name)) == COUNT
 
 
 @pytest.mark.parametrize("topic", ["people", "/people"])
 def test_a_topic_is_named_with_or_without_its_slash(topic, tmp_path):
-    assert walked(read_any(write("mcap", tmp_path), topic=topic)) == COUNT
+    assert walked(open_scene(write("mcap", tmp_path), OpenOptions(topic=topic))) == COUNT
 
 
 def test_another_data_base_is_no_damaged_bag(tmp_path):

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import pedpred
-from pedpred.command.maps import map_at
+from pedpred.command.recordings import read_ground_at
 from pedpred.errors import InputError
 from pedpred.files import translate_errors
 from pedpred.online.shipped import default_model
@@ -22,7 +22,7 @@ def load_place(path):
 
 
 READERS = {
-    "a map": map_at,
+    "a map": read_ground_at,
     "a map of a table": lambda path: pedpred.predict(WALKS, path),
     "a model": pedpred.OnlinePredictor.load,
     "a model of a table": lambda path: pedpred.predict(WALKS, model=path),

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from pedpred.command.conversion import read_any
+from pedpred.command.recordings import OpenOptions, open_scene
 from pedpred.config import config_errors, read_params
 from pedpred.errors import ConfigError, InputError, ValueRuleError
 from pedpred.reading.options import ReadOptions
@@ -54,7 +54,7 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
         raise ValueRuleError("--rate", rate_hz, "it is that of files that count frames: name some")
     names: set[str] = set()
     for number, path in enumerate(files, start=1):
-        scene = read_any(path, options=ReadOptions(rate_hz=rate_hz) if path.is_file() else None)
+        scene = open_scene(path, OpenOptions(ReadOptions(rate_hz=rate_hz)) if path.is_file() else None)
         if scene.unavailable is not None:
             raise InputError(path, "", "its recording is not available", scene.unavailable)
         if scene.name in names:
@@ -68,7 +68,7 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
     if not places:
         remedy = "`python -m tools.recordings` says how to get recordings; then run `dvc repro ingest`"
         raise InputError(REAL, "", "no recording is here", f"{remedy}. Or name files")
-    yield from map(read_any, places)
+    yield from map(open_scene, places)
 
 
 @config_errors()

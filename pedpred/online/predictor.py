@@ -65,6 +65,10 @@ class OnlinePredictor:
         self._about = read_description(folder)
         self._network = ExportedNetwork(folder, self._about)
         self._settings = checked
+        lost_after_s = self._about.protocol.lost_after_s
+        if checked.max_age_s > lost_after_s + TIME_TOLERANCE_S:
+            rule = f"it must be at most lost_after_s of the model, {lost_after_s:g} s"
+            raise ValueRuleError("max_age_s", checked.max_age_s, rule)
         self._about = replace(self._about, tracker=self._settings.tracker or self._about.tracker)
         learns = self._settings.learn_noise
         if learns is None:
@@ -88,7 +92,8 @@ class OnlinePredictor:
 
         Raises:
             InputError: a file is missing, altered or of another version.
-            ValueRuleError: the folder is no path, or the settings are something else.
+            ValueRuleError: the folder is no path, the settings are something else, or their `max_age_s` is
+                above the model's `lost_after_s`, so that it would have no effect.
         """
         return cls(default_model() if folder is None else folder, settings)
 
