@@ -13,8 +13,6 @@ import pytest
 from pedpred.command import driving, main, prediction
 from pedpred.command import evaluation as measuring
 from pedpred.command.arguments import check, parser
-from pedpred.errors import OutputError
-from pedpred.files import check_output
 from tests.conftest import ROOT
 
 SCENE = str(ROOT / "examples/crossing")
@@ -86,21 +84,6 @@ def test_an_output_is_called_after_the_folder_that_the_input_is(folder, within, 
 def test_an_input_is_never_the_output(here, capsys):
     Path("walk.csv").write_text("time,id,x,y\n")
     assert "input of this command" in said(capsys, "evaluate", "walk.csv", "--json", "walk.csv")
-
-
-@pytest.mark.parametrize("folder", [False, True, None])
-def test_a_place_that_can_be_written_stays_as_it_is(folder, tmp_path):
-    check_output(tmp_path / "new" / "below", folder)
-    (tmp_path / "old").touch() if folder is False else (tmp_path / "old").mkdir()
-    check_output(tmp_path / "old", folder)
-    assert os.listdir(tmp_path) == ["old"]
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="needs a user other than root")
-def test_a_folder_without_write_access_is_refused(tmp_path):
-    tmp_path.chmod(0o500)
-    with pytest.raises(OutputError, match="Permission denied"):
-        check_output(tmp_path / "x.json")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pedpred.arrays import locked, real_number, real_numbers
+from pedpred.arrays import read_only, real_number, real_numbers
 from pedpred.errors import ValueRuleError
 from pedpred.features.surroundings import Pedestrians
 from pedpred.geometry import Homography
@@ -228,7 +228,7 @@ def test_what_never_changes_is_not_copied():
     assert ground.occupied is cells
     assert replace(ground, resolution_m=0.2).occupied is cells
     raw = np.frombuffer(bytes(4), np.uint8)
-    assert locked(raw, np.uint8) is raw
+    assert read_only(raw, np.uint8) is raw
 
 
 def test_a_map_that_is_changed_after_it_was_set_changes_nothing(mixture):

@@ -14,7 +14,6 @@ import pytest
 import yaml
 
 from pedpred.errors import OutputError, user_errors
-from pedpred.files import nameless, write_text
 from tests.configuration import read
 from tests.conftest import ROOT
 from tests.trust import project
@@ -102,7 +101,7 @@ def test_a_full_disk_is_said_in_words_and_leaves_nothing_half_written(tmp_path):
         said = r"\w+: .*it cannot be written: No space left on device.*make room on the disk"
         assert re.search(f"^{command} {said}", done.stderr, re.MULTILINE), done.stderr
     assert "Traceback" not in done.stderr
-    assert not [name for name in ("walk.mcap", "x.json", ".new-") if name in done.stdout]
+    assert not [name for name in ("walk.mcap", "x.json", ".tmp") if name in done.stdout]
 
 
 def test_an_output_that_nobody_can_print_is_said_in_words():
@@ -145,15 +144,7 @@ def test_every_writer_says_that_the_disk_is_full(name, size, tmp_path):
     with small_files(size), pytest.raises(OutputError, match=r"cannot be written.*make room") as refused:
         READERS[name].make(tmp_path)
     assert not refused.value.path.exists()
-    assert not [path for path in tmp_path.rglob("*") if ".new-" in path.name]
-
-
-@pytest.mark.parametrize("size", [0, 40])
-def test_a_full_disk_leaves_the_old_file(size, tmp_path):
-    write_text(tmp_path / "page.md", "old")
-    with small_files(size), pytest.raises(OutputError, match="make room"):
-        write_text(tmp_path / "page.md", "new" * 100)
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
+    assert not [path for path in tmp_path.rglob("*") if ".tmp" in path.name]
 
 
 def test_an_error_without_a_name_is_said_in_words():
@@ -167,18 +158,6 @@ def test_room_is_asked_for_only_where_a_disk_or_folder_lacks_it(number):
     with pytest.raises(SystemExit, match="dvc") as ended, user_errors():
         raise OSError(number, os.strerror(number), "dvc")
     assert "make room" not in str(ended.value)
-
-
-def test_scratch_data_go_elsewhere_where_nothing_may_be_written(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def locked(*_, **__):
-        raise OSError(30, "Read-only file system", "build")
-
-    monkeypatch.setattr(Path, "mkdir", locked)
-    with nameless() as scratch:
-        assert scratch.write(b"row") == 3
-    assert not list(tmp_path.iterdir())
 
 
 # Without a git history
