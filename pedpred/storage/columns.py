@@ -200,7 +200,7 @@ def _row_bytes(path: Path, schema: pa.Schema, name: str, shape: tuple[int, ...])
     kind = schema.field(name).type
     value = kind.value_type if pa.types.is_fixed_size_list(kind) else kind
     if not any(known(value) for known in _DECODED) or (shape != (-1,) and math.prod(shape) != _width(kind)):
-        problem = f"{kind}, expected numbers of shape {shape} in each row"
+        problem = f"{kind}, not numbers of shape {shape} in each row"
         raise InputError(path, f"column {name}", problem, _REMEDY)
     return _width(kind) * (1 if pa.types.is_fixed_size_binary(kind) else -(-value.bit_width // 8))
 
