@@ -1,14 +1,12 @@
 """Files are replaced as a whole or not at all; missing inputs and bad outputs are named."""
 
 import os
-import resource
 import signal
 import stat
 import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -30,6 +28,7 @@ from pedpred.files import (
 from pedpred.online.shipped import default_model
 from pedpred.ros import read_bag
 from tests.conftest import ROOT
+from tests.disk import small_files
 
 KILLED = """
 import os, pathlib, signal, sys
@@ -46,17 +45,6 @@ WALKS = pd.DataFrame({"time": [0.0, 0.4], "id": 1, "x": [0.0, 0.4], "y": 0.0})
 def page(tmp_path):
     write_text(tmp_path / "new" / "page.md", "old")
     return tmp_path / "new" / "page.md"
-
-
-@contextmanager
-def small_files(size):
-    """Let files of this process have at most this size, as on a full disk."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 # Writing

@@ -2,7 +2,6 @@
 
 import itertools
 import os
-import resource
 import sys
 import tempfile
 import tracemalloc
@@ -23,6 +22,7 @@ from pedpred.features import FeatureTable, extract_blocks
 from pedpred.storage.mapped import MappedRows
 from pedpred.storage.scenes import write_scene
 from pedpred.storage.shards import read_shard, write_embeddings, write_manifest, write_shard
+from tests.disk import small_files
 from tests.exported import LSTM_ROWS
 from tests.worlds import tracked, walled_scene
 
@@ -98,13 +98,9 @@ def test_a_block_of_another_width_or_type_is_refused():
 
 
 def test_a_full_disk_is_an_error_when_rows_are_added():
-    rows, before = MappedRows("rows"), resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
-    try:
-        with pytest.raises(OSError) as full:  # noqa: PT011, checked below
-            rows.append(np.zeros(1000))
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    rows = MappedRows("rows")
+    with small_files(4096), pytest.raises(OSError) as full:  # noqa: PT011, checked below
+        rows.append(np.zeros(1000))
     assert full.value.errno in NO_ROOM
 
 
