@@ -23,7 +23,7 @@ _ABOUT_KEY = b"pedpred.about"
 _REMEDY = "Write it again"
 _LARGEST_BYTES, _DENSEST = 2**27, 64
 """Limits for the decoded columns of a row group: this size, or this multiple of the file's size."""
-_DECODED = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean, pa.types.is_fixed_size_binary)
+_NUMBERS = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
 
 
 PAIRS = {
@@ -177,10 +177,7 @@ def read_blocks(
                 problem = f"{rows} rows of {row_bytes} bytes, but at most {largest} bytes are decoded at once"
                 raise InputError(path, "file", problem, _REMEDY)
             table = file.read_row_group(group, columns=list(shapes))
-            for name, missing in ((name, table[name].null_count) for name in shapes):
-                if missing:
-                    raise InputError(path, f"column {name}", f"{missing} values are missing", _REMEDY)
-            yield {name: _from_arrow(table[name].combine_chunks(), shape) for name, shape in shapes.items()}
+            yield {name: _to_numpy(path, name, table[name], shape) for name, shape in shapes.items()}
 
 
 def _errors_of(path: Path) -> AbstractContextManager[None]:
@@ -199,10 +196,12 @@ def _row_bytes(path: Path, schema: pa.Schema, name: str, shape: tuple[int, ...])
         raise InputError(path, f"column {name}", "it is missing", _REMEDY)
     kind = schema.field(name).type
     value = kind.value_type if pa.types.is_fixed_size_list(kind) else kind
-    if not any(known(value) for known in _DECODED) or (shape != (-1,) and math.prod(shape) != _width(kind)):
+    is_bytes = pa.types.is_fixed_size_binary(kind)
+    is_known = is_bytes or any(are_numbers(value) for are_numbers in _NUMBERS)
+    if not is_known or (shape != (-1,) and math.prod(shape) != _width(kind)):
         problem = f"{kind}, not numbers of shape {shape} in each row"
         raise InputError(path, f"column {name}", problem, _REMEDY)
-    return _width(kind) * (1 if pa.types.is_fixed_size_binary(kind) else -(-value.bit_width // 8))
+    return _width(kind) * (1 if is_bytes else -(-value.bit_width // 8))
 
 
 def _width(kind: pa.DataType) -> int:
@@ -212,11 +211,14 @@ def _width(kind: pa.DataType) -> int:
     return kind.list_size if pa.types.is_fixed_size_list(kind) else 1
 
 
-def _from_arrow(column: pa.Array, shape: tuple[int, ...]) -> np.ndarray:
+def _to_numpy(path: Path, name: str, values: pa.ChunkedArray, shape: tuple[int, ...]) -> np.ndarray:
+    if values.null_count:
+        raise InputError(path, f"column {name}", f"{values.null_count} values are missing", _REMEDY)
+    column = values.combine_chunks()
     kind, rows, width = column.type, len(column), _width(column.type)
     if pa.types.is_fixed_size_binary(kind):
         flat = np.frombuffer(column.buffers()[1] or b"", np.uint8, rows * width, column.offset * width)
     else:
-        values = column.flatten() if pa.types.is_fixed_size_list(kind) else column
-        flat = values.to_numpy(zero_copy_only=False)
+        numbers = column.flatten() if pa.types.is_fixed_size_list(kind) else column
+        flat = numbers.to_numpy(zero_copy_only=False)
     return flat.reshape(rows, *((width,) if shape == (-1,) else shape))
