@@ -124,19 +124,19 @@ class _Cache(caching.NullCache):
         code = contents(self._loop)
         if code is None:
             return None
-        arguments = [_described(kind) for kind in getattr(signature, "args", signature)]
+        arguments = [_describe(kind) for kind in getattr(signature, "args", signature)]
         everything = repr((code, arguments, codegen.magic_tuple(), _versions()))
         return f"{self._loop.__qualname__}-{_checksum(everything.encode()).hex()[:40]}.loop"
 
 
-def _described(kind: Any) -> Any:
+def _describe(kind: Any) -> Any:
     """A type of numba, with the names of fields, which become places."""
     if isinstance(kind, types.Dispatcher):
         raise TypeError(f"{kind}: a compiled loop cannot be the argument of another one")
     if isinstance(kind, types.BaseTuple):
         fields = getattr(kind, "instance_class", None), getattr(kind, "fields", ())
         parts: Any = kind
-        return type(kind).__name__, fields, [_described(part) for part in parts]
+        return type(kind).__name__, fields, [_describe(part) for part in parts]
     return str(kind)
 
 

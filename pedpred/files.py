@@ -173,7 +173,7 @@ def limit_values(database: sqlite3.Connection, most_bytes: int) -> None:
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, most_bytes)
 
 
-def _opened_picture(path: Path) -> Image.Image:
+def _open_image(path: Path) -> Image.Image:
     from PIL import Image, UnidentifiedImageError  # late: a robot has no Pillow
 
     try:
@@ -190,7 +190,7 @@ def open_picture(path: Path, wording: Wording) -> Iterator[Image.Image]:
     Raises:
         InputError: the file is missing, no picture, damaged or has more than `MOST_PIXELS`.
     """
-    with translate_errors(wording), _opened_picture(path) as image:
+    with translate_errors(wording), _open_image(path) as image:
         if math.prod(image.size) > MOST_PIXELS:
             raise ShapeError(path.name, image.size, f"at most {MOST_PIXELS} pixels")
         if image.format == "TIFF" and image.mode == "I":  # any range; other files have 16 bits in this mode
