@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from pedpred.command.maps import map_at
 
 import pedpred
+from pedpred.command.recordings import open_scene, read_ground_at
 from pedpred.errors import InputError, OutputError, ShapeError, ValueRuleError
 from pedpred.files import (
     as_path,
@@ -170,7 +170,8 @@ def load_place(path):
 
 
 READERS = {
-    "map": map_at,
+    "map": read_ground_at,
+    "recording": open_scene,
     "map of a table": lambda path: pedpred.predict(WALKS, path),
     "model": pedpred.OnlinePredictor.load,
     "model of a table": lambda path: pedpred.predict(WALKS, model=path),
