@@ -79,8 +79,8 @@ def read_map(path: Path) -> OccupancyMap:
     check_input(path)
     about = _description_of(path)
     x, y, yaw_rad = about.pose()
-    mode, greys = about.blocked_greys()
     picture = about.picture()
+    mode, greys = about.blocked_greys()
     with open_picture(picture, partial(InputError, picture, "file", remedy=_REMEDY)) as image:
         blocked = blocked_cells(image, greys, mode)
     side_m = about.number("resolution")
