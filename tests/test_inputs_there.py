@@ -11,7 +11,7 @@ from pedpred.command.recordings import read_ground_at
 from pedpred.errors import InputError
 from pedpred.files import translate_errors
 from pedpred.online.shipped import default_model
-from pedpred.ros import read_bag, read_recording
+from pedpred.ros import read_bag
 
 WALKS = pd.DataFrame({"time": [0.0, 0.4], "id": 1, "x": [0.0, 0.4], "y": 0.0})
 PLACES = ("nowhere", "nowhere.yaml", "nowhere.png", "nowhere.wkt", "nowhere.json", "nowhere/model")
@@ -27,7 +27,6 @@ READERS = {
     "a model": pedpred.OnlinePredictor.load,
     "a model of a table": lambda path: pedpred.predict(WALKS, model=path),
     "what was learned at a place": load_place,
-    "a recording": read_recording,
     "a bag": read_bag,
 }
 
