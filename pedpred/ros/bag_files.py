@@ -14,7 +14,7 @@ from zstandard import ZstdDecompressor
 from pedpred.errors import InputError, ShapeError
 
 _STORED = re.compile(r"\.(mcap|db3)(\.zstd|\.zst)?$")
-_SINGLE = re.compile(r"\.(mcap|db3|bag)(\.zstd|\.zst)?$")
+_SINGLE = re.compile(r"\.(mcap|db3|bag|bag\.active)(\.zstd|\.zst)?$")
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _LARGEST_BYTES, _LARGEST_RATIO, _BLOCK_BYTES = 2**30, 100, 2**22
 """Limits of an unpacked file: bytes, or a multiple of its packed size, whichever is larger."""

@@ -36,6 +36,7 @@ class Bag:
 
     def __init__(self, path: Path, files: Sequence[tuple[Path, Path]]):
         self._path, self._files, self._decoder = path, files, Decoder()
+        self._cut = set[Path]()
 
     @cached_property
     def connections(self) -> list[Connection]:
@@ -74,6 +75,12 @@ class Bag:
             _log.warning(text, self._path, damaged[topic], counts[topic], topic, brief(str(cause)))
 
     def _read(self, choose: Choice) -> Messages:
+        """All wanted messages; of a file that is cut those before the cut, with a warning."""
         for name, content in self._files:
             with add_path(name):
-                yield from read_messages(content, self._decoder, choose)
+                try:
+                    yield from read_messages(content, self._decoder, choose)
+                except EOFError:
+                    if name not in self._cut:
+                        _log.warning("%s is cut: it is read up to its last whole chunk", name)
+                    self._cut.add(name)

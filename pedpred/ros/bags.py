@@ -6,6 +6,7 @@ import logging
 import re
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -140,15 +141,19 @@ def _changed(grid: Any, message: Any, is_update: bool) -> Any:
 
 
 def _keep_people(frames: Sequence[DetectionFrame], warn: _Warn) -> list[DetectionFrame]:
-    """The messages that have people; tells which classes are left out.
+    """The messages that have people; warns of other classes.
 
     Raises:
         ValueRuleError: there are none.
     """
     others = Counter(label for each in frames for label in each.others)
     kept = [each for each in frames if each.ids]
-    if others and not kept:
-        rule = "none is a class of people: name the one that is (--class)"
+    if not kept:
+        rule = (
+            "nobody is detected"
+            if not others
+            else "none is a class of people: name the one that is (--class)"
+        )
         raise ValueRuleError("class", dict(others), rule)
     if others:
         shown = ", ".join(f"{count} of {label!r}" for label, count in others.most_common(_SHOWN_CLASSES))
@@ -162,13 +167,15 @@ def _sort(frames: Sequence[DetectionFrame], warn: _Warn) -> list[DetectionFrame]
     Raises:
         ValueRuleError: stamps go back by more than a track may be lost.
     """
+    if not any(each.is_stamped for each in frames):
+        warn("no message has a stamp: the times are those of the bag")
+    else:  # a simulation begins at 0
+        frames = [each if each.is_stamped else replace(each, time_ns=0) for each in frames]
     time_s = np.array([each.time_s for each in frames])
     back = np.flatnonzero(np.maximum.accumulate(time_s) - time_s > LOST_AFTER_S)
     if len(back):
         rule = f"messages before number {back[0] + 1} are later: the recording restarts there, so split it"
         raise ValueRuleError("stamp", float(time_s[back[0]]), rule)
-    if unstamped := sum(not each.is_stamped for each in frames):
-        warn(f"{unstamped} of {len(frames)} messages have no stamp: the times are those of the bag")
     return [frames[row] for row in np.argsort(time_s, kind="stable")]
 
 

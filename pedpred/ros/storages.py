@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import mmap
 import sqlite3
 from collections.abc import Callable, Iterator
@@ -29,7 +28,6 @@ Messages = Iterator[tuple[Connection, int, bytes]]
 """Connection, time of arrival in ns, and bytes, in the order of the file."""
 
 _LARGEST_RECORD_BYTES = 2**30
-_log = logging.getLogger(__name__)
 
 
 def read_messages(path: Path, decoder: Decoder, choose: Choice) -> Messages:
@@ -41,6 +39,7 @@ def read_messages(path: Path, decoder: Decoder, choose: Choice) -> Messages:
         choose: see `Choice`.
 
     Raises:
+        EOFError: an MCAP file is cut; the messages of all its whole chunks have been read.
         ContentError: the file is of no such format, or damaged.
         Exception: it is damaged; see `pedpred.files.translate_errors`.
     """
@@ -83,14 +82,22 @@ class _WholeReads:
 
 
 def _mcap_records(path: Path) -> Iterator[McapRecord]:
-    """The records of an MCAP file, those in chunks too; of a file that is cut, those before the cut."""
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as raw:
-        limits = {"validate_crcs": True, "record_size_limit": _LARGEST_RECORD_BYTES}
+    """The records of an MCAP file, those in chunks too."""
+    remedy = "Try to repair it: mcap recover FILE -o repaired.mcap"
+    limits = {"validate_crcs": True, "record_size_limit": _LARGEST_RECORD_BYTES}
+    is_cut = False
+    with (
+        translate_errors(partial(ContentError, remedy=remedy)),
+        path.open("rb") as file,
+        mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as raw,
+    ):
         try:
             for record in StreamReader(_WholeReads(raw), emit_chunks=True, **limits).records:  # type: ignore[arg-type]
                 yield from _records_of(record) if isinstance(record, Chunk) else (record,)
         except EndOfFile:
-            _log.warning("%s is cut: read up to its last whole chunk", path.name)
+            is_cut = True
+    if is_cut:
+        raise EOFError(f"{path} is cut")
 
 
 def _records_of(chunk: Chunk) -> list[McapRecord]:
