@@ -18,13 +18,13 @@ from pedpred.datasets import TrainingRows
 from pedpred.datasets.rows import Spans
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Following
-from pedpred.fields import parsed, parsed_together
 from pedpred.models.contract import ForecastNetwork, NetworkSettings
 from pedpred.models.features import RowFormat, parse_features
 from pedpred.models.lstm.augmentation import look_up
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.registry import parse_settings
+from pedpred.settings import load, load_together
 from pedpred.training.distributed import DistributedContext
 from pedpred.training.instants import InstantLearner, InstantSettings
 from pedpred.training.loop import Learner
@@ -56,14 +56,14 @@ class Case:
 def cases() -> dict[str, Callable[[DistributedContext], Case]]:
     """Name of each network of params.yaml -> its training."""
     cfg = read_params(Path())
-    protocol, _ = parsed_together([ForecastProtocol, Following], plain(cfg.protocol))
+    protocol, _ = load_together([ForecastProtocol, Following], plain(cfg.protocol))
     lstm, mixture = (
         RowFormat(protocol, kind, parse_features(kind, plain(cfg.features[kind])))
         for kind in ("lstm", "mixture")
     )
-    recurrent = parsed_together([SequenceSettings, NamedSets], plain(cfg.training.main))[0]
+    recurrent = load_together([SequenceSettings, NamedSets], plain(cfg.training.main))[0]
     alone = plain(cfg.training.situations) | {"shares": {"random": 1.0}, "validation_share": 0.0}
-    situations = parsed(InstantSettings, alone)
+    situations = load(InstantSettings, alone)
 
     made: dict[str, Callable[[DistributedContext], Case]] = {}
     for name, row in plain(cfg.methods.networks).items():

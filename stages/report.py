@@ -6,7 +6,6 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import configured, part, plain, stage
-from pedpred.fields import parsed, parsed_together
 from pedpred.files import write_text
 from pedpred.report.ablation import ablation_sections
 from pedpred.report.comparison import metrics_now
@@ -22,6 +21,7 @@ from pedpred.report.page.player import Replay, ReplaySettings, replay
 from pedpred.report.places import places_section
 from pedpred.report.rows import PageRows
 from pedpred.report.simulation_page import flow_section
+from pedpred.settings import load, load_together
 
 PAGES = ("sim", "real")
 """Studies with a page of their own; the others are compared with these."""
@@ -61,9 +61,9 @@ def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote, draw every picture once, write all pages below `out`."""
     out, figures = Path(cfg.get("out", "reports")), metrics_now(Path("reports/metrics"))
     methods = Methods.parse(part(cfg, "report", "methods"), cfg.comparison.reference)
-    paper = parsed(Paper, part(cfg, "report", "paper"))
+    paper = load(Paper, part(cfg, "report", "paper"))
     with configured("report.page"):
-        page, shown = parsed_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
+        page, shown = load_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
     studies = {name: plain(folds) for name, folds in cfg.folds.items()}
     evaluated = {study: gather(study, folds) for study, folds in studies.items()}
     pages = {study: evaluated[study] for study in PAGES if study in evaluated}

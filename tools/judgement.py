@@ -14,12 +14,12 @@ from pedpred.command.prediction import predictor_for
 from pedpred.config import LOCK, plain, row
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
 from pedpred.features.perception import sensed
-from pedpred.fields import parsed, parsed_each
 from pedpred.online.assessment import NETWORK, assess
 from pedpred.online.network import read_origin
 from pedpred.report.comparison import metrics_at, metrics_now
 from pedpred.report.rows import PromiseRow
 from pedpred.scenes import Scene
+from pedpred.settings import load, load_each
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
 from tools.programs import git
@@ -98,8 +98,8 @@ class Judgement:
         self.folder, self.params = folder, params
         self.origin = read_origin(folder)
         resampling = {key: params.comparison[key] for key in ("bootstrap", "seed")}
-        self.settings = parsed(EvaluationSettings, plain(params.evaluation) | resampling)
-        self.promises = parsed_each(PromiseRow, plain(params.online.promises))
+        self.settings = load(EvaluationSettings, plain(params.evaluation) | resampling)
+        self.promises = load_each(PromiseRow, plain(params.online.promises))
 
     def places(self) -> dict[str, Path]:
         """Name -> scene of each real place that is available."""

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_choice
 from pedpred.geometry import Homography
+from pedpred.settings import check_choice
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "inch": 0.0254}
 """Metres per unit of length."""

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.errors import InputError, ValueRuleError
-from pedpred.fields import parsed
 from pedpred.reading import table
 from pedpred.reading.checks import check_interval
 from pedpred.reading.errors import add_path
@@ -17,6 +16,7 @@ from pedpred.reading.names import TrackNames
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.tracks import to_tracks
 from pedpred.scenes import Scene
+from pedpred.settings import load
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.tracks import TRACK_COLUMNS
 
@@ -63,7 +63,7 @@ def read_folder(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
         InputError: the times are not seconds.
         ValueRuleError: there are settings.
     """
-    parsed(FolderSettings, settings)
+    load(FolderSettings, settings)
     scene = read_own(folder)
     with suppress(ValueRuleError):  # nobody was detected twice
         dt_s = scene.trajectories.usual_interval_s()
