@@ -12,8 +12,6 @@ import pytest
 
 from pedpred.command import conversion, driving, evaluation, main, prediction
 from pedpred.command.arguments import check, parser
-from pedpred.errors import OutputError
-from pedpred.files import check_output
 from tests.conftest import ROOT
 
 SCENE = str(ROOT / "examples/crossing")
@@ -92,21 +90,6 @@ def test_an_input_is_never_the_output(here, capsys):
     Path("walk.csv").write_text("time,id,x,y\n")
     assert "walk.csv" in refusal(capsys, "evaluate", "walk.csv", "--json", "walk.csv")
     assert Path("walk.csv").read_text() == "time,id,x,y\n"
-
-
-@pytest.mark.parametrize("folder", [False, True, None])
-def test_a_place_that_can_be_written_stays_as_it_is(folder, tmp_path):
-    check_output(tmp_path / "new" / "below", folder)
-    (tmp_path / "old").touch() if folder is False else (tmp_path / "old").mkdir()
-    check_output(tmp_path / "old", folder)
-    assert os.listdir(tmp_path) == ["old"]
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="needs a user other than root")
-def test_a_folder_without_write_access_is_refused(tmp_path):
-    tmp_path.chmod(0o500)
-    with pytest.raises(OutputError):
-        check_output(tmp_path / "x.json")
 
 
 @pytest.mark.parametrize(

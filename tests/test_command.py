@@ -68,7 +68,11 @@ OF_TABLES = [ReadOptions(unit="cm"), ReadOptions(rate_hz=5.0), ReadOptions(colum
 OF_TABLES += [ReadOptions(pixel_m=0.1), ReadOptions(delimiter=";"), ReadOptions(encoding="cp1252")]
 UNUSED = {
     "folder": [*map(OpenOptions, [*OF_TABLES, ReadOptions(classes=("person",))]), OpenOptions(topic="/a")],
-    "table": [OpenOptions(topic="/people"), OpenOptions(map_topic="/map")],
+    "table": [
+        OpenOptions(topic="/people"),
+        OpenOptions(people="people,id=id"),
+        OpenOptions(identities="given"),
+    ],
     "bag": [*map(OpenOptions, OF_TABLES)],
 }
 
@@ -122,6 +126,22 @@ def test_a_geometry_is_a_map_with_open_ends():
         with pytest.raises(ValueRuleError) as refused:
             open_scene(CORNER / "walk.txt", OpenOptions(**options))
         assert refused.value.field == "open_ends"
+
+
+def test_fields_and_identities_are_those_of_a_bag(scene, tmp_path):
+    """The standard fields of people_msgs/People, said by hand; assigned ids are of as many people."""
+    write_recording(read_scene(scene), tmp_path / "walk.mcap")
+    usual = open_scene(tmp_path / "walk.mcap").trajectories
+    named = OpenOptions(topic="/people", people="people,id=name,position=position", identities="given")
+    found = open_scene(tmp_path / "walk.mcap", named).trajectories
+    np.testing.assert_array_equal(found.track_id, usual.track_id)
+    np.testing.assert_array_equal(found.position, usual.position)
+    assigned = open_scene(tmp_path / "walk.mcap", OpenOptions(identities="assigned")).trajectories
+    np.testing.assert_array_equal(np.sort(assigned.position, axis=0), np.sort(usual.position, axis=0))
+    with pytest.raises(ValueRuleError):
+        open_scene(tmp_path / "walk.mcap", OpenOptions(people="people"))
+    with pytest.raises(ValueRuleError):
+        OpenOptions(identities="guessed")
 
 
 def test_a_folder_of_other_files_is_refused(tmp_path):

@@ -6,7 +6,6 @@ import argparse
 import logging
 import sys
 
-import pedpred
 from pedpred.errors import ValueRuleError, user_errors
 
 
@@ -35,12 +34,10 @@ def _run_on_a_robot(words: list[str], missing: str | None) -> None:
     """Run `warm-up`, the only command that needs no library for reading files."""
     from pedpred.command.warming import add_model, add_warm_up
 
-    remedy = f"Other commands need {missing}: pip install 'pedpred[files]'."
-    top = argparse.ArgumentParser(prog="pedpred", description=__doc__, epilog=remedy)
-    top.add_argument("--version", action="version", version=f"pedpred {pedpred.__version__}")
-    commands = top.add_subparsers(required=True, metavar="COMMAND")
-    add_model(add_warm_up(commands))
-    if words and words[0] != "warm-up" and not words[0].startswith("-"):
-        raise SystemExit(f"pedpred: {words[0]} is not installed. {remedy}")
+    if words[:1] != ["warm-up"]:
+        remedy = "Install it: pip install 'pedpred[files]'. Without it, `pedpred warm-up` alone can run"
+        raise SystemExit(f"pedpred: {missing} is not installed. {remedy}")
+    top = argparse.ArgumentParser(prog="pedpred")
+    add_model(add_warm_up(top.add_subparsers()))
     asked = top.parse_args(words)
     asked.action(asked)

@@ -78,7 +78,7 @@ def check(arguments: argparse.Namespace) -> None:
         for path in written_to(output):
             check_output(path, folder=name == "output" and not path.suffix)
             if path.resolve() in used:
-                raise OutputError(path, "it is an input or another output of this command")
+                raise OutputError(path, "it is an input of this command, or another output")
             if name not in _OVERWRITTEN and not arguments.force and (path.exists() or path.is_symlink()):
                 sys.exit(f"{path} is there already; --force replaces it")
             used.append(path.resolve())

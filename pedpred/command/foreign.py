@@ -36,8 +36,8 @@ class ForeignForecasts:
 
     Attributes:
         source: the file.
-        track_id: of which track, rising. [F]
-        time_s: when each was made, rising within a track, s. [F]
+        track_id: of the person. [F]
+        time_s: when each was made, s. [F]
         path: modes, the most likely first, m. [F, K, S, 2]
         weight: of the modes. [F, K]
         step_s: time between two steps, s; None: that of the windows.
@@ -71,11 +71,10 @@ class ForeignForecasts:
             shown, known = (", ".join(some[:_SHOWN]) for some in (written, list(names.of_number.values())))
             problem = f"forecasts are of {shown}; tracks of the recording are {known or 'numbers'}"
             raise InputError(self.source, None, problem, _SAME)
-        number = np.array([number or 0 for number in numbers], np.int64)[inverse]
-        order = np.lexsort((self.time_s, number))
-        order = order[here[inverse][order]]
-        kept = {name: getattr(self, name)[order] for name in ("time_s", "path", "weight")}
-        return replace(self, track_id=number[order], names=names, **kept)
+        number = np.array([number or 0 for number in numbers], np.int64)
+        rows = here[inverse]
+        kept = {name: getattr(self, name)[rows] for name in ("time_s", "path", "weight")}
+        return replace(self, track_id=number[inverse][rows], names=names, **kept)
 
     def moved(self, transform: Transform) -> ForeignForecasts:
         """Transform forecasts from the frame of the people to that of the map."""

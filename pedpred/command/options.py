@@ -8,10 +8,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from pedpred.command.recordings import IDENTITIES, OPEN_FIELDS, Edge, OpenOptions
+from pedpred.command.recordings import OPEN_FIELDS, Edge, OpenOptions
 from pedpred.reading.options import UNITS, ReadOptions
 from pedpred.reading.pixels import read_homography
 from pedpred.ros import Transform
+from pedpred.ros.identities import MODES
 from pedpred.scenes.people import PERSON_CLASSES
 
 _OPTION_OF = {
@@ -50,7 +51,7 @@ def recording_options() -> argparse.ArgumentParser:
     fields = "fields of the people in messages of another type, such as people,id=id,position=pose.position,"
     add("--people", metavar="FIELDS", help=f"{fields}class=label")
     ids = "ids of people in a bag: auto (default): those of the messages if they stay, else by position"
-    add("--identities", choices=IDENTITIES, help=ids)
+    add("--identities", choices=MODES, help=ids)
     pose = "pose of the people's frame in the map's frame, if the two differ, m, m, rad"
     add("--transform", type=float, nargs=3, metavar=("X", "Y", "YAW"), help=pose)
     usual = f"any with the word {', '.join(PERSON_CLASSES)}"
@@ -67,7 +68,7 @@ def recording_options() -> argparse.ArgumentParser:
     fast = "read people who are faster than people walk, with a warning"
     add("--any-speed", action="store_true", help=fast)
     counted = "frames per second, if the file counts frames and does not state their rate, Hz"
-    add("--rate", dest="rate_hz", type=float, metavar="RATE", help=counted)
+    add("--rate", "--frame-rate", dest="rate_hz", type=float, metavar="RATE", help=counted)
     long = "unit of lengths in a table or text (default: what the file says, else m)"
     add("--unit", choices=list(UNITS), help=long)
     side = "side of a pixel, if positions are pixels of a picture (Stanford Drone Dataset, tables), m"

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from mcap.writer import MCAP0_MAGIC
 
 from pedpred.errors import InputError, ValueRuleError
+from pedpred.fields import check_choice
 from pedpred.files import check_input
 from pedpred.reading import Recording, read_recording
 from pedpred.reading.checks import check_interval, check_speeds
@@ -20,6 +21,7 @@ from pedpred.reading.head import Head
 from pedpred.reading.names import TrackNames
 from pedpred.reading.options import ReadOptions
 from pedpred.ros import Transform, is_bag, read_bag
+from pedpred.ros.identities import MODES
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
 from pedpred.scenes.people import PERSON_CLASSES
 from pedpred.sources.scene_folder import read_own
@@ -28,8 +30,6 @@ from pedpred.storage.maps import read_map
 _MAP_BESIDE, _MOST_OUTSIDE = "map.yaml", 0.5
 _log = logging.getLogger(__name__)
 
-IDENTITIES = ("auto", "given", "assigned")
-"""Ids of people in bags: those of the messages where they stay, always those, or always new ones."""
 Edge = tuple[tuple[float, float], tuple[float, float]]
 
 
@@ -42,7 +42,7 @@ class OpenOptions:
         topic: of the people in a bag; None: the only one that carries people.
         map_topic: of the map in a bag, see `read_bag`; "": the bag's maps are left out.
         people: fields of the people in messages of a bag whose type is not known, see `read_bag`.
-        identities: how people in a bag are identified, one of `IDENTITIES`.
+        identities: how people in a bag are identified, see `read_bag`.
         transform: pose of the people's frame in the map's frame, where the two differ.
         map: of a map or geometry that replaces that of the recording.
         no_map: leave out all maps: the ground is free.
@@ -53,13 +53,14 @@ class OpenOptions:
     topic: str | None = None
     map_topic: str | None = None
     people: str | None = None
-    identities: str = IDENTITIES[0]
+    identities: str = MODES[0]
     transform: Transform | None = None
     map: Path | None = None
     no_map: bool = False
     open_ends: tuple[Edge, ...] = ()
 
     def __post_init__(self) -> None:
+        check_choice("identities", self.identities, MODES)
         for name in ("map", "map_topic", "open_ends") if self.no_map else ():
             if value := getattr(self, name):
                 raise ValueRuleError(name, value, "--no-map (no_map) leaves every map out: omit one of them")
@@ -153,9 +154,8 @@ def _read_bag(path: Path, options: OpenOptions) -> Recording:
     names = TrackNames()
     map_topic = "" if options.map is not None or options.no_map else options.map_topic
     classes = options.file.classes or PERSON_CLASSES
-    people = {"fields": options.people, "identities": options.identities}
-    more = {name: value for name, value in people.items() if value not in (None, IDENTITIES[0])}
-    scene = read_bag(path, options.topic, options.transform, map_topic, classes, names.of_number, **more)
+    topics = (options.topic, options.transform, map_topic)
+    scene = read_bag(path, *topics, classes, names.of_number, options.people, options.identities)
     return Recording(scene, names, "ROS bag")
 
 

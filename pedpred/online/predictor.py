@@ -12,7 +12,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError, brief
 from pedpred.features import ForecastProtocol, Neighbours, Surroundings
-from pedpred.files import check_input, check_output, given_path
+from pedpred.files import as_path, check_input, check_output
 from pedpred.forecasting.chain import Chain, Place
 from pedpred.geometry import rotate
 from pedpred.online.caution import have_just_appeared, moving_shares, shorten_paths
@@ -60,7 +60,7 @@ class OnlinePredictor:
         checked: object = OnlineSettings() if settings is None else settings
         if not isinstance(checked, OnlineSettings):
             raise ValueRuleError("settings", checked, "it must be OnlineSettings or None")
-        folder = given_path("folder", folder)
+        folder = as_path("folder", folder)
         check_input(folder, folder=True)
         self._about = read_description(folder)
         self._network = ExportedNetwork(folder, self._about)
@@ -140,7 +140,7 @@ class OnlinePredictor:
             ValueRuleError: that is no path.
             OutputError: it cannot be written there; the message says why.
         """
-        output = given_path("path", path)
+        output = as_path("path", path)
         check_output(output)
         write_place(output, self._place, self._unused, self._network.checksum)
 
@@ -152,7 +152,7 @@ class OnlinePredictor:
             InputError: the file is missing, damaged or about another network; all is as it was.
         """
         checksum = self._network.checksum
-        self._begin(*read_place(given_path("path", path), self._unlearned(), checksum))
+        self._begin(*read_place(as_path("path", path), self._unlearned(), checksum))
 
     def _unlearned(self) -> Place:
         return self._chain.unlearned(self.protocol.horizon_steps)

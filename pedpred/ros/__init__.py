@@ -20,4 +20,20 @@ if TYPE_CHECKING:
     from pedpred.ros.scene_messages import map_of_grid as map_of_grid
     from pedpred.ros.scene_messages import seconds as seconds
 else:
-    __all__, __getattr__ = names_on_use(__name__, __file__)
+    __all__, __getattr__ = names_on_use(
+        __name__,
+        {
+            "is_bag": "pedpred.ros.bag_files",
+            "read_bag": "pedpred.ros.bags",
+            "Transform": "pedpred.ros.frames",
+            "ADAPTERS": "pedpred.ros.people",
+            "TrackNumbers": "pedpred.ros.people",
+            "find_usable": "pedpred.ros.people",
+            "check_recordable": "pedpred.ros.recordings",
+            "is_recording": "pedpred.ros.recordings",
+            "read_recording": "pedpred.ros.recordings",
+            "write_recording": "pedpred.ros.recordings",
+            "map_of_grid": "pedpred.ros.scene_messages",
+            "seconds": "pedpred.ros.scene_messages",
+        },
+    )

@@ -79,8 +79,8 @@ def read_map(path: Path) -> OccupancyMap:
     check_input(path)
     about = _description_of(path)
     x, y, yaw_rad = about.pose()
-    mode, greys = about.blocked_greys()
     picture = about.picture()
+    mode, greys = about.blocked_greys()
     with open_picture(picture, partial(InputError, picture, "file", remedy=_REMEDY)) as image:
         blocked = blocked_cells(image, greys, mode)
     side_m = about.number("resolution")
@@ -131,13 +131,13 @@ class _Description:
 
     def blocked_greys(self) -> tuple[str, np.ndarray]:
         """The mode, and which greys are blocked. [256] bool; what the mode does not use may be missing."""
-        mode = str(self.content.get("mode", MODES[0])).lower()
+        mode = _word(self.content.get("mode", MODES[0]))
         if mode not in MODES:
             problem = f"mode = {brief(self.content['mode'])}, expected one of {', '.join(MODES)}"
             raise InputError(self.path, "mode", problem, f"Leave it out for {MODES[0]}")
         if mode == "raw":
             return mode, blocked_greys(mode, False, 1.0, 0.0)
-        negate = str(self.field("negate")).lower()
+        negate = _word(self.field("negate"))
         if negate not in (*_TRUE, *_FALSE):
             problem = f"negate = {brief(self.content['negate'])}, but it must be 0 or 1"
             raise self.error("negate", problem)
@@ -178,6 +178,13 @@ class _Description:
         problem = f"{brief(image)} is no file in the folder of {self.path.name}, and no other folder is read"
         remedy = f"Copy the picture to {name} beside {self.path.name}, and write image: {name}"
         raise InputError(self.path, "image", problem, remedy)
+
+
+def _word(value: Any) -> str:
+    """A short value as people write it, in lower case; other numbers than 0 and 1 are no words."""
+    if value in (0, 1):
+        return str(int(value))
+    return value.lower() if isinstance(value, str) else ""
 
 
 def _is_file_in(folders: set[Path], place: Path) -> bool:
