@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
-from pedpred.ros import PEOPLE_FIELDS, find_usable
-from pedpred.ros.detections import DetectionFrame
-from pedpred.ros.people import PeopleFields, parse_fields
+from pedpred.ros.detections import DetectionFrame, find_usable
+from pedpred.ros.people import PEOPLE_FIELDS, PeopleFields, parse_fields
 from pedpred.scenes import Trajectories
 from tests.bags import Filled
 
