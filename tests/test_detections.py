@@ -112,6 +112,14 @@ def test_the_frame_is_that_of_the_message(outer, frame):
     assert (seen.frame, seen.time_s) == (frame, 1.0)
 
 
+def test_a_message_may_have_headers_in_its_detections_alone():
+    """As markers have."""
+    one = person(1, point(0, 0))
+    one.header = Message(stamp=Message(sec=9, nanosec=0), frame_id="camera")
+    seen = DetectionFrame.from_message(Message(people=[one]), ANY, 0)
+    assert (seen.frame, seen.time_s) == ("camera", 9.0)
+
+
 # Classes
 
 
