@@ -20,7 +20,7 @@ import pyarrow as pa
 from pedpred.errors import InputError
 from pedpred.files import check_input
 from pedpred.reading import table
-from pedpred.reading.checks import check_people
+from pedpred.reading.checks import check
 from pedpred.reading.errors import ContentError, add_path
 from pedpred.reading.formats import (
     atc,
@@ -143,7 +143,7 @@ def read_recording(path: Path, options: ReadOptions | None = None, with_walls: b
     with add_path(path):
         tracks = to_tracks(str(path), content, options)
         unit = agreed_unit(content.unit, options)
-        dt_s = check_people(str(path), tracks.people, unit, options.any_speed)
+        dt_s = check(tracks.people, str(path), unit, options.any_speed)
         walls = content.walls() if content.walls is not None and with_walls else None
         if isinstance(walls, Geometry):
             ground = occupancy_of(walls, CELL_M, WALL_M)
