@@ -43,7 +43,13 @@ def open_files(path: Path) -> Iterator[list[tuple[Path, Path]]]:
     if not files:
         raise InputError(path, None, "it holds no .mcap and no .db3 file", "Name the folder of a bag")
     with tempfile.TemporaryDirectory(prefix="pedpred-bag-") as scratch:
-        yield [(file, _unpack(file, Path(scratch, f"{n}_{file.stem}"))) for n, file in enumerate(files)]
+        contents = list(files)
+        for number, file in enumerate(files):
+            if _is_packed(file):
+                contents[number] = Path(scratch, f"{number}_{file.stem}")
+                with contents[number].open("wb") as plain:
+                    plain.writelines(_unpacked_blocks(file))
+        yield list(zip(files, contents, strict=True))
 
 
 def _files_in(folder: Path) -> list[Path]:
@@ -61,20 +67,20 @@ def _numbers_in(file: Path) -> list[tuple[str, int]]:
     return [(text, int(number or 0)) for text, number in re.findall(r"(\D+)(\d*)", f"_{file.name}")]
 
 
-def _unpack(file: Path, target: Path) -> Path:
-    """A file, or what it unpacks to if it is compressed."""
+def _is_packed(file: Path) -> bool:
+    with file.open("rb") as begin:
+        return begin.read(len(_ZSTD_MAGIC)) == _ZSTD_MAGIC
+
+
+def _unpacked_blocks(file: Path) -> Iterator[bytes]:
+    """The content of a compressed file, within the limits."""
     most, size = max(_LARGEST_BYTES, _LARGEST_RATIO * file.stat().st_size), 0
-    with file.open("rb") as packed:
-        if packed.read(len(_ZSTD_MAGIC)) != _ZSTD_MAGIC:
-            return file
-        packed.seek(0)
-        with (
-            ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream,
-            target.open("wb") as plain,
-        ):
-            while block := stream.read(_BLOCK_BYTES):
-                size += len(block)
-                if size > most:
-                    raise ShapeError("file", (size,), f"at most {most} bytes when unpacked")
-                plain.write(block)
-    return target
+    with (
+        file.open("rb") as packed,
+        ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream,
+    ):
+        while block := stream.read(_BLOCK_BYTES):
+            size += len(block)
+            if size > most:
+                raise ShapeError("file", (size,), f"at most {most} bytes when unpacked")
+            yield block

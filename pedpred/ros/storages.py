@@ -95,6 +95,8 @@ def _mcap_records(path: Path) -> Iterator[McapRecord]:
             for record in StreamReader(_WholeReads(raw), emit_chunks=True, **limits).records:  # type: ignore[arg-type]
                 yield from _records_of(record) if isinstance(record, Chunk) else (record,)
         except EndOfFile:
+            if raw.tell() < len(raw):  # damaged within a chunk
+                raise
             is_cut = True
     if is_cut:
         raise EOFError(f"{path} is cut")

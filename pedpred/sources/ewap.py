@@ -117,7 +117,7 @@ def read_annotations(path: Path, titles: Sequence[str], axes: tuple[str, str]) -
         axes: titles of the columns of x and y.
 
     Raises:
-        InputError: the file is missing, empty or wrong, or somebody is in a frame twice; it names the line.
+        InputError: the file is missing, empty or wrong, or a person is in a frame twice; it names the line.
     """
     check_input(path)
     with add_path(path):
@@ -132,10 +132,10 @@ def read_annotations(path: Path, titles: Sequence[str], axes: tuple[str, str]) -
 
 
 def _check_unique(frame: np.ndarray, track_id: np.ndarray) -> None:
-    """Check that nobody is in a frame twice.
+    """Check that each person is in a frame at most once.
 
     Raises:
-        ContentError: somebody is; it names both lines.
+        ContentError: a person is there twice; it names both lines.
     """
     order = np.lexsort((track_id, frame))  # stable: of equal rows the earlier line comes first
     again = np.flatnonzero((np.diff(frame[order]) == 0) & (np.diff(track_id[order]) == 0))

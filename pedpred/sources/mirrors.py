@@ -3,7 +3,7 @@
 A mirror is a folder or a tar archive, on this machine or at an https address. Its files are copied beside the
 target, compared with the SHA-256 sums of the data set, and moved into place when all are there.
 
-A folder may hold archives as downloaded beside, or in place of, the files. Files that nobody has are no
+A folder may hold archives as downloaded beside, or in place of, the files. Files that no mirror has are no
 failure: a note takes their place, and the places that need them become scenes without people. Files that are
 not what they must be are one.
 """
@@ -112,10 +112,10 @@ class Mirrors(Settings):
 
 
 def provide(mirrors: Mirrors, target: Path) -> None:
-    """Do as `fetch`, but if nobody has all files, leave a note in each of their folders in `target` instead.
+    """Fetch the files; if no mirror has them all, leave a note in each of their folders in `target`.
 
     Raises:
-        FetchError: somebody has a file that is not what it must be.
+        FetchError: a mirror has a file whose content differs.
     """
     try:
         fetch(mirrors, target)

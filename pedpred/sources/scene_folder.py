@@ -23,7 +23,7 @@ from pedpred.storage.tracks import TRACK_COLUMNS
 
 @dataclass(frozen=True)
 class FolderSettings:
-    """A scene folder says everything itself."""
+    """None: a scene folder contains everything."""
 
 
 def read_own(folder: Path, names: TrackNames | None = None) -> Scene:
@@ -31,7 +31,7 @@ def read_own(folder: Path, names: TrackNames | None = None) -> Scene:
 
     Args:
         folder: the folder.
-        names: takes those of tracks whose ids are words.
+        names: to be filled with the names of tracks whose ids are words.
 
     Raises:
         InputError: a file is missing or cannot be understood, or both tables are there; it names the file.
@@ -65,7 +65,7 @@ def read_folder(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
     """
     load(FolderSettings, settings)
     scene = read_own(folder)
-    with suppress(ValueRuleError):  # nobody was detected twice
+    with suppress(ValueRuleError):  # no track has two detections
         dt_s = scene.trajectories.usual_interval_s()
         with add_path(folder):
             check_interval(dt_s)
