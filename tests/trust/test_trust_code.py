@@ -100,9 +100,7 @@ def test_files_are_written_through_one_door():
         assert found <= {"new"}, f"{path.relative_to(ROOT)} writes {found - {'new'}} at once"
         if not SAVES.search(source):
             continue
-        functions = [
-            ast.unparse(node) for node in ast.walk(load(path)) if isinstance(node, ast.FunctionDef)
-        ]
+        functions = [ast.unparse(node) for node in ast.walk(load(path)) if isinstance(node, ast.FunctionDef)]
         saving = [text for text in functions if SAVING.search(text)]
         named = (
             "atomic_write(",
