@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.online import laws, trials
-from pedpred.online.trials import RATES_HZ, Move, crowded
 from tests.conftest import ROOT
+from tools import law_worlds, laws
+from tools.law_worlds import RATES_HZ, Move, crowded
 
 SHIPPED = ROOT / "models/online/default"
 SEEDS = st.integers(0, 2**32 - 1)
@@ -54,7 +54,7 @@ def test_straight_walkers_go_on_for_minutes():
 
 @pytest.mark.parametrize("rate_hz", [2.5, 10.0])
 def test_runners_go_on_as_walkers_do(rate_hz, monkeypatch):
-    monkeypatch.setattr(trials, "SPEEDS_MPS", (2.5, 5.0))
+    monkeypatch.setattr(law_worlds, "SPEEDS_MPS", (2.5, 5.0))
     walked = laws.straight_shares(SHIPPED, np.random.default_rng(0), rate_hz, seconds=15.0, people=8)
     assert walked["speed_mps"].max() == pytest.approx(5.0)
     assert laws.STRAIGHT[0] <= walked["share"].min() <= walked["share"].max() <= laws.STRAIGHT[1]

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.online import ALLOWED, calmest, paper_work
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.metrics.calibration import shown_steps
-from pedpred.online import laws
-from pedpred.online.trials import RATES_HZ
 from pedpred.report.rows import PromiseRow
+from tools import laws
+from tools.latency import ALLOWED, calmest, paper_work
+from tools.law_worlds import RATES_HZ
 
 Figures = Mapping[str, Mapping[str, Any]]
 """Method -> figure -> value, as in the metric files."""
@@ -134,7 +134,7 @@ def room_verdicts(rooms: str, network: Mapping[str, Any], limits: Mapping[str, f
 
 
 def law_verdicts(folder: Path, seed: int = 0, worlds: int = 5) -> Iterator[Verdict]:
-    """The laws of `pedpred.online.laws` in some drawn worlds."""
+    """The laws of `tools.laws` in some drawn worlds."""
     low, high = laws.STRAIGHT
     for rate in RATES_HZ:
         rng, name = np.random.default_rng([seed, round(10 * rate)]), f"{rate:g} Hz"

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.online.trials import CROWD, RATES_HZ, Move, World, crowded, standing_people, straight_walkers
 from pedpred.scenes import Forecast
+from tools.law_worlds import CROWD, RATES_HZ, Move, World, crowded, standing_people, straight_walkers
 
 KNOWN = 3
 """Detections from which on laws of motion hold; before, hardly any motion is known."""
