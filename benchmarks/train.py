@@ -8,20 +8,13 @@ round, and the medians compared, so that a machine that is busy elsewhere slows 
 `of_rate` is the share of the best large product's rate that a step reaches. Operations of a network without
 memory are counted while it computes. A recurrent network takes 2 n for the product with a weight matrix of n
 entries, and as much again for the gradients of its weights and of its input, so 6 n in all.
-
-`python -m benchmarks.train --busy 1` compares steps of two threads alone with those beside busy processes,
-with threads that sleep while they wait (`OMP_WAIT_POLICY=PASSIVE`, as the stages set it) and that spin.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -33,7 +26,6 @@ from torch import Tensor
 from torch.utils.flop_counter import FlopCounterMode
 
 from benchmarks.tables import keep, show
-from benchmarks.timing import slowdown
 from pedpred.config import plain, read_params
 from pedpred.datasets import TrainingRows
 from pedpred.datasets.rows import Spans
@@ -51,17 +43,13 @@ from pedpred.training.distributed import DistributedContext, distributed_context
 from pedpred.training.instants import InstantLearner, InstantSettings
 from pedpred.training.loop import Learner, train_step
 from pedpred.training.sequences import NamedSets, SequenceLearner, SequenceSettings
-from tools.arguments import count, output
+from tools.arguments import output
 
 TRACKS, TRACK_STEPS = 1000, 60
 SITUATIONS = 50_000
 
 ROUNDS = 15
 LARGE = 2048
-WAITING = {"sleep": "PASSIVE", "spin": "ACTIVE"}
-BESIDE = "mixture"
-STEPS, LONGEST_S = 10, 10.0
-"""Measured in a row; fewer where they take long."""
 
 
 @dataclass(frozen=True)
@@ -212,49 +200,13 @@ def measured(name: str, case: Case, here: DistributedContext) -> dict[str, Any]:
     }
 
 
-def beside(processes: int) -> Iterator[dict[str, Any]]:
-    """Steps beside busy processes; how threads wait is read when a process starts, hence processes."""
-    script = f"from benchmarks.train import print_slowdown; print_slowdown({processes})"
-    for waiting, policy in WAITING.items():
-        environment = os.environ | {"OMP_WAIT_POLICY": policy, "OMP_NUM_THREADS": "2"}
-        done = subprocess.run(
-            [sys.executable, "-c", script], env=environment, stdout=subprocess.PIPE, check=True
-        )
-        yield {"model": BESIDE, "threads": waiting} | json.loads(done.stdout)
-
-
-def print_slowdown(processes: int) -> None:
-    """Print `slowdown` of a network's steps as JSON."""
-    with distributed_context("cpu", "auto") as here:
-        case = cases()[BESIDE](here)
-        batches = case.learner.batches(0)
-
-        def steps_ms() -> np.ndarray:
-            times = [time.perf_counter()]
-            while len(times) <= STEPS and times[-1] - times[0] < LONGEST_S:
-                train_step(case.learner, next(batches), 0)
-                times.append(time.perf_counter())
-            return np.diff(times) * 1e3
-
-        steps_ms()  # warm
-        print(json.dumps(slowdown(steps_ms, processes)))
-
-
 @user_errors()
 def main() -> None:
     """Measure, print, and keep the figures when asked to."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.train", description=__doc__)
     parser.add_argument("--json", type=output, help="write the figures there")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
-    parser.add_argument(
-        "--busy", type=count, metavar="N", help="only beside so many busy processes, and alone"
-    )
     options = parser.parse_args()
-    if options.busy:
-        rows = list(beside(options.busy))
-        show("Training step alone and beside busy processes, two threads", rows)
-        keep({"beside": rows}, options.json)
-        return
     rows = []
     for narrow in (False, True):
         with distributed_context(options.device, narrow) as here:

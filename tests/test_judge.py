@@ -98,15 +98,15 @@ def test_an_error_is_larger_if_seeds_do_not_explain_it(low, holds):
     assert verdict.holds == holds
 
 
-def test_the_summary_repeats_what_is_broken():
+def test_the_summary_repeats_what_is_broken(capsys):
     good, bad = below("eth", "ADE", 1.0, 2.0), below("hotel", "ADE", 3.0, 2.0)
-    text = judge.summary([good, bad])
-    assert judge.line(bad) in text
-    assert "eth" not in text
-    assert "1 of 2 promises hold" in text
+    assert judge.printed(iter([good, bad])) == [good, bad]
+    told = capsys.readouterr().out
+    assert (told.count(judge.line(good)), told.count(judge.line(bad))) == (1, 2)
+    assert "1 of 2 promises" in told
 
 
-def test_a_folder_is_taken_from_a_revision_however_it_is_named(tmp_path, monkeypatch, capsys, model):
+def test_a_folder_is_taken_from_a_revision_however_it_is_named(tmp_path, monkeypatch, model):
     monkeypatch.chdir(tmp_path)
     folder, scratch = Path("models/online/default"), tmp_path / "scratch"
     shutil.copytree(model[0], folder)
@@ -119,14 +119,14 @@ def test_a_folder_is_taken_from_a_revision_however_it_is_named(tmp_path, monkeyp
     later = Path("models/online/later")
     later.mkdir()
     assert judge.folder_at("HEAD", later, scratch) is None
-    assert "nothing is compared" in capsys.readouterr().out
+    with pytest.raises(ValueRuleError):
+        judge.folder_at("HEAD~0", later, scratch)
 
 
-def test_there_is_nothing_to_compare_with_where_nothing_is_committed(tmp_path, capsys):
+def test_nothing_is_compared_where_nothing_is_committed(tmp_path):
     for command in ("status", "init -q"):
         subprocess.run(["git", *command.split()], cwd=tmp_path, check=False, capture_output=True)
         assert judge.folder_at("HEAD", tmp_path, tmp_path / "scratch") is None
-        assert "nothing is compared" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("history", [True, False])
@@ -134,7 +134,7 @@ def test_there_is_nothing_to_compare_with_where_nothing_is_committed(tmp_path, c
 def test_neither_a_folder_nor_a_revision_is_an_error(tmp_path, wrong, history):
     if history:
         git(tmp_path, "init -q", "commit -q --allow-empty -m empty")
-    with pytest.raises(ValueRuleError, match=r"against = .*, but there is no such folder, and git knows no"):
+    with pytest.raises(ValueRuleError):
         judge.folder_at(wrong, tmp_path, tmp_path / "scratch")
 
 
@@ -156,7 +156,7 @@ def test_a_folder_cut_between_its_files_is_refused_before_anything_is_measured(
     cut = tmp_path / "cut"
     shutil.copytree(model[0], cut)
     shutil.copy(mixture[0] / "network.onnx", cut)
-    with pytest.raises(SystemExit, match=rf"not those of one model\..* `git restore {cut}`"):
+    with pytest.raises(SystemExit, match=f"git restore {cut}"):
         judge.main([str(cut)] if judged else [str(model[0]), "--replace", str(cut)])
     assert not capsys.readouterr().out
 

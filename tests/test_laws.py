@@ -11,20 +11,9 @@ from tools.law_worlds import RATES_HZ, Move, crowded
 
 SHIPPED = ROOT / "models/online/default"
 SEEDS = st.integers(0, 2**32 - 1)
-GAPS = [
-    (laws.moved_gap_m, laws.MOVED_M),
-    (laws.turned_gap_m, laws.MOVED_M),
-    (laws.renamed_gap_m, laws.MOVED_M),
-    (laws.far_gap_m, laws.FAR_M),
-    (laws.mirrored_gap_m, laws.MIRRORED_M),
-]
 
 
-def named(gap):
-    return gap[0].__name__
-
-
-@pytest.mark.parametrize("gap", GAPS, ids=named)
+@pytest.mark.parametrize("gap", laws.GAPS.values(), ids=laws.GAPS)
 @pytest.mark.parametrize("network", ["untrained", "shipped"])
 @settings(max_examples=5, deadline=None)
 @given(seed=SEEDS)

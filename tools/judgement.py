@@ -53,7 +53,7 @@ def scores_in(
 
 
 def _git(*arguments: str) -> str:
-    """What git says; nothing if it fails."""
+    """Output of a git command, empty if it fails."""
     return git(*arguments).stdout.decode().strip()
 
 

@@ -155,15 +155,9 @@ def law_verdicts(folder: Path, seed: int = 0, worlds: int = 5) -> Iterator[Verdi
             yield below("standing newborns", what, float(newborn.max()), laws.STANDING_M)
             yield below("standing people", what, float(later.max()), laws.STANDING_M)
     draws = [np.random.default_rng([seed, k]) for k in range(worlds)]
-    trials = {
-        "turned by quarters and moved, m": (laws.moved_gap_m, laws.MOVED_M),
-        "turned by any angle, m": (laws.turned_gap_m, laws.MOVED_M),
-        "other ids and order, m": (laws.renamed_gap_m, laws.MOVED_M),
-        "people 30 m away, m": (laws.far_gap_m, laws.FAR_M),
-        "mirrored, m": (laws.mirrored_gap_m, laws.MIRRORED_M),
-    }
-    for what, (law, most) in trials.items():
-        yield below("worlds", what, max(law(folder, rng) for rng in draws), most, digits=4)
+    for what, (gap_m, most_m) in laws.GAPS.items():
+        found_m = max(gap_m(folder, rng) for rng in draws)
+        yield below("worlds", f"{what}, m", found_m, most_m, digits=4)
 
 
 def latency_verdicts(folder: Path, tries: int = 5) -> Iterator[Verdict]:
