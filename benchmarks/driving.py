@@ -49,83 +49,71 @@ def curve_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
         yield row
 
 
-class Curves:
-    """Collisions over time of some methods, in the episodes and in replicates of them.
+Curve = tuple[np.ndarray, np.ndarray]
+"""Points of a method's limits, x and y, in the episodes and in replicates of them. [1 + S, L] each."""
 
-    Attributes:
-        weight: of the episodes, first all alike, then those of the replicates. [1 + S, E]
+
+def time_and_faults(each: Episodes, method: str) -> Curve:
+    """Time to the goal, s, and share of episodes with a collision at fault, at each limit."""
+    weight = np.concatenate([np.ones((1, each.draw.tracks)), each.draw.weight])
+    weight /= weight.sum(axis=1, keepdims=True)
+    limits = [c for c in each.conditions if c.method == method]
+    time_s = weight @ np.array([each.value["time_s"][c] for c in limits]).T
+    return time_s, weight @ np.array([each.at_fault(c) for c in limits]).T
+
+
+def shared_middle(one: Curve, other: Curve) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Read two curves off in the middle of the range of x that they share.
+
+    Returns:
+        That x, and y of each curve, in each replicate [1 + S]; None if they share no x.
     """
-
-    def __init__(self, each: Episodes):
-        weight = np.concatenate([np.ones((1, each.draw.tracks)), each.draw.weight])
-        self._each, self.weight = each, weight / weight.sum(axis=1, keepdims=True)
-
-    def points(self, method: str) -> tuple[np.ndarray, np.ndarray]:
-        """Time to the goal, s, and share of collisions at fault at each limit. [1 + S, L] each."""
-        curve = [c for c in self._each.conditions if c.method == method]
-        time_s = self.weight @ np.array([self._each.value["time_s"][c] for c in curve]).T
-        return time_s, self.weight @ np.array([self._each.at_fault(c) for c in curve]).T
-
-
-def _read_off(at: np.ndarray, xs: np.ndarray, ys: np.ndarray) -> np.ndarray:
-    """Values of curves through points (x, y) at given x, in each replicate. [1 + S]."""
-    order = np.argsort(xs, axis=1, kind="stable")
-    rows = zip(at, np.take_along_axis(xs, order, 1), np.take_along_axis(ys, order, 1), strict=True)
-    return np.array([np.interp(*row) for row in rows])
-
-
-def _middle(one: np.ndarray, other: np.ndarray) -> np.ndarray | None:
-    """Middle of what two curves have in common, in each replicate [1 + S]; None if it is nothing."""
-    low = np.maximum(one.min(axis=1), other.min(axis=1))
-    high = np.minimum(one.max(axis=1), other.max(axis=1))
-    return None if low[0] > high[0] else 0.5 * (low + high)
+    low = np.maximum(one[0].min(axis=1), other[0].min(axis=1))
+    high = np.minimum(one[0].max(axis=1), other[0].max(axis=1))
+    if low[0] > high[0]:
+        return None
+    middle = 0.5 * (low + high)
+    read_off = []
+    for x, y in (one, other):
+        order = np.argsort(x, axis=1, kind="stable")
+        rows = zip(middle, np.take_along_axis(x, order, 1), np.take_along_axis(y, order, 1), strict=True)
+        read_off.append(np.array([np.interp(*row) for row in rows]))
+    return middle, *read_off
 
 
 def _ratio(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Quotients, infinite or not a number where the other is 0."""
+    """Quotients, infinite or NaN where the other is 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         quotient: np.ndarray = one / other
     return quotient
 
 
-def _with_interval(values: np.ndarray, form: str) -> str:
-    low, high = np.nanpercentile(values[1:], [2.5, 97.5], method="nearest")  # there may be infinite ones
-    return f"{values[0]:{form}} ({low:{form}} to {high:{form}})"
-
-
 def equal_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
     """A row per place: both methods in the middle of what their curves share, in time and in collisions."""
     for name, each in places.items():
-        curves = Curves(each)
-        (time_a, fault_a), (time_b, fault_b) = curves.points(_NETWORK), curves.points(_SIMPLE)
-        best_s = curves.points(TRUTH)[0][:, 0]
+        (time_a, fault_a), (time_b, fault_b) = (time_and_faults(each, m) for m in (_NETWORK, _SIMPLE))
+        best_s = time_and_faults(each, TRUTH)[0][:, :1]
+        by_time = shared_middle((time_a, fault_a), (time_b, fault_b))
+        by_fault = shared_middle((fault_a, time_a - best_s), (fault_b, time_b - best_s))
         row: dict[str, Any] = {"place": name, "episodes": len(each.number)}
-        at_s = _middle(time_a, time_b)
-        if at_s is None:
-            row |= dict.fromkeys(("at, s", "network, %", "Kalman, %", "network / Kalman"), "-")
-        else:
-            a, b = _read_off(at_s, time_a, fault_a), _read_off(at_s, time_b, fault_b)
-            row |= {
-                "at, s": f"{at_s[0]:.1f}",
-                "network, %": f"{100 * a[0]:.1f}",
-                "Kalman, %": f"{100 * b[0]:.1f}",
-            }
-            row["network / Kalman"] = _with_interval(_ratio(a, b), ".2f")
-            if not a[0]:  # replicates of nothing are alike
-                most = _ratio(np.array(share_interval(np.zeros(len(each.number)))[1]), b[0])
-                row["network / Kalman"] = f"0.00 (0.00 to {most:.2f})"
-        at = _middle(fault_a, fault_b)
-        if at is None:
-            row |= dict.fromkeys(("at, %", "network, s more", "Kalman, s more", "network / Kalman, s"), "-")
-        else:
-            a, b = (_read_off(at, f, t) - best_s for f, t in ((fault_a, time_a), (fault_b, time_b)))
-            row |= {
-                "at, %": f"{100 * at[0]:.1f}",
-                "network, s more": f"{a[0]:.1f}",
-                "Kalman, s more": f"{b[0]:.1f}",
-            }
-            row["network / Kalman, s"] = _with_interval(_ratio(a, b), ".2f")
-        yield row
+        titles = ("at, s", "network, %", "Kalman, %", "network / Kalman")
+        row |= zip(titles, _cells(by_time, 1, 100), strict=True)
+        if by_time is not None and not by_time[1][0]:  # replicates of no collisions are alike
+            most = _ratio(np.array(share_interval(np.zeros(len(each.number)))[1]), by_time[2][0])
+            row["network / Kalman"] = f"0.00 (0.00 to {most:.2f})"
+        titles = ("at, %", "network, s more", "Kalman, s more", "network / Kalman, s")
+        yield row | dict(zip(titles, _cells(by_fault, 100, 1), strict=True))
+
+
+def _cells(middle: tuple[np.ndarray, ...] | None, x_scale: float, y_scale: float) -> list[str]:
+    """Where two curves are compared, their values, and the ratio of these with its 95 % interval."""
+    if middle is None:
+        return ["-"] * 4
+    at, a, b = middle
+    ratio = _ratio(a, b)
+    low, high = np.nanpercentile(ratio[1:], [2.5, 97.5], method="nearest")  # some may be infinite
+    values = [f"{x_scale * at[0]:.1f}", f"{y_scale * a[0]:.1f}", f"{y_scale * b[0]:.1f}"]
+    return [*values, f"{ratio[0]:.2f} ({low:.2f} to {high:.2f})"]
 
 
 def extreme_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:

@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -166,15 +166,8 @@ class Trial:
     risks: Sequence[float]
 
 
-@dataclass(frozen=True)
-class Times:
-    """Processor time.
-
-    Attributes:
-        draw_s: of drawing an episode, s.
-        drive_s: of each variant and limit, s.
-        cycles: their numbers of cycles.
-    """
+class Times(NamedTuple):
+    """Processor time of drawing an episode, s; of driving it, s; and number of cycles, per condition."""
 
     draw_s: float
     drive_s: dict[Condition, float]
