@@ -137,7 +137,7 @@ def test_a_figure_that_was_not_measured_is_left_open(measured_there):
     assert [line.split(" | ")[1] for line in lines[9:]] == ["- |"] * 4
 
 
-def test_the_time_to_an_error_is_that_of_the_first_validation_below_it():
+def test_steps_to_an_error_end_at_the_first_validation_below():
     ablation = read_ablation(ROOT / "conf" / "ablations" / "pretraining.yaml")
     step = [0, 100, 200, 300]
     slow = pd.DataFrame({"step": step, "validation_ade_m": [0.9, 0.8, 0.575, 0.55]})
@@ -156,7 +156,7 @@ def test_the_time_to_an_error_is_that_of_the_first_validation_below_it():
     assert lines[3].count("never") == 2
 
 
-def test_an_unknown_ablation_is_an_error_that_lists_the_known_ones():
+def test_an_unknown_ablation_is_an_error_with_the_known_ones():
     with pytest.raises(ValueRuleError) as error:
         read_ablation(ABLATIONS[0].with_stem("magic"))
     assert all(path.stem in str(error.value) for path in ABLATIONS)
@@ -172,7 +172,7 @@ def test_an_unknown_key_of_an_ablation_is_an_error(tmp_path, old, new):
         read_ablation(file)
 
 
-def test_an_unknown_point_is_an_error_that_lists_the_known_ones(monkeypatch):
+def test_an_unknown_point_is_an_error_with_the_known_ones(monkeypatch):
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr("sys.argv", ["ablate", "reach", "--point", "0.3"])
     with pytest.raises(SystemExit) as ended:
@@ -232,7 +232,7 @@ def test_programs_are_found_without_an_activated_environment(monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
-def test_what_waits_in_the_queue_under_the_name_of_a_point_is_not_run(tmp_path, monkeypatch):
+def test_queued_experiments_with_names_of_points_are_removed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     stages = {"gather": {"cmd": "true", "params": ["x"]}}
     for name, content in (("dvc.yaml", {"stages": stages}), ("params.yaml", {"x": 1})):

@@ -73,7 +73,7 @@ def test_figures_that_are_not_finite_are_kept_as_null(tmp_path):
     assert kept == {"rows": [{"ms": 1.5, "routing_s": None}]}
 
 
-def test_a_table_is_written_between_its_marks_and_without_rows_stays(tmp_path):
+def test_a_table_is_written_between_its_marks(tmp_path):
     page = tmp_path / "page.md"
     page.write_text("<!-- table: noise -->\nold\n<!-- end -->\n<!-- table: bias -->\nold\n<!-- end -->\n")
     tables.write_tables(page, {"noise": [{"place": "a|b", "m": 0.5}], "bias": []})
@@ -189,7 +189,7 @@ def drives(place, *methods):
     return rows
 
 
-def test_tables_of_drives_have_the_places_where_their_methods_drove(tmp_path):
+def test_tables_of_drives_have_the_places_of_their_methods(tmp_path):
     write_table(tmp_path / "a.csv", drives("a", "standing", "kalman", "modes", "true_future"))
     write_table(tmp_path / "b.csv", drives("b", "modes", "kalman"))
     tables_of = driving.tables_of(driving.drives_in([tmp_path / "a.csv", tmp_path / "b.csv"]))

@@ -139,7 +139,7 @@ def test_neither_a_folder_nor_a_revision_is_an_error(tmp_path, wrong, history):
 
 
 @pytest.mark.parametrize("option", ["--against", "--replace"])
-def test_a_folder_without_a_model_is_refused_before_anything_is_measured(
+def test_a_folder_without_a_model_is_refused_before_measuring(
     tmp_path, monkeypatch, capsys, model, option
 ):
     monkeypatch.chdir(ROOT)
@@ -149,7 +149,7 @@ def test_a_folder_without_a_model_is_refused_before_anything_is_measured(
 
 
 @pytest.mark.parametrize("judged", [True, False])
-def test_a_folder_cut_between_its_files_is_refused_before_anything_is_measured(
+def test_files_of_two_models_are_refused_before_measuring(
     judged, tmp_path, monkeypatch, capsys, model, mixture
 ):
     monkeypatch.chdir(ROOT)
@@ -224,7 +224,7 @@ def contents(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_a_model_is_judged_by_the_latest_figures_of_a_run_that_exports_it(tmp_path, monkeypatch):
+def test_a_model_is_judged_by_the_latest_run_that_exports_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder, metrics, lock = Path("models/default"), Path("reports/metrics/real.json"), Path("dvc.lock")
 

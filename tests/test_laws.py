@@ -17,7 +17,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 @pytest.mark.parametrize("network", ["untrained", "shipped"])
 @settings(max_examples=5, deadline=None)
 @given(seed=SEEDS)
-def test_worlds_elsewhere_have_the_same_forecasts_whatever_was_learned(mixture, network, gap, seed):
+def test_forecasts_obey_the_laws_whatever_was_learned(mixture, network, gap, seed):
     law, most = gap
     assert law(mixture[0] if network == "untrained" else SHIPPED, np.random.default_rng(seed)) <= most
 
