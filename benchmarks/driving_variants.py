@@ -3,13 +3,13 @@
 The same episodes are driven with changes of what the planner reads, over several limits of risk:
 
 * `modes`, `kalman`: what `pedpred drive` calls so;
-* `modes_shown`: the network is told where the robot is, as one more person;
+* `modes_shown`: the network gets the robot as one more person;
 * `modes_wide`: 0.15 m more deviation at every step;
 * `modes_bounded`, `kalman_bounded`: covariances do not grow after 0.9 s, because the robot will have seen
   people again by then (Du Toit and Burdick 2012, partially closed-loop planning);
 * `modes_and_kalman`: one more mode of weight 0.2, the Kalman filter's forecast with its covariance;
 * `kalman_first`: the Kalman filter's forecast while a person is known for less than 0.8 s;
-* `modes_hidden`: people whom somebody hides are kept for 2 s instead of 0.5 s.
+* `modes_hidden`: occluded people are kept for 2 s instead of 0.5 s.
 
 Each variant is compared with `modes`, or its `kalman` one with `kalman`, at equal time to the goal. The first
 table also has the processor time of a drive and of its cycles, without that of drawing the episode.
@@ -93,7 +93,7 @@ class WithKalman:
         other = self._kalman.update(time_s, track_id, position).predictions
         known_s = np.array([time_s - self._first_s.setdefault(n, time_s) for n in forecast.track_id.tolist()])
         share = np.where(known_s < YOUNG_S, self._new, self._share)[:, None]
-        if len(forecast) != len(other):  # the network has left somebody out
+        if len(forecast) != len(other):  # the network has left out a person
             return forecast
         modes = forecast.predictions
         weight = np.concatenate([(1.0 - share) * modes.weight, share], axis=1)
@@ -118,8 +118,8 @@ class Variant:
     Attributes:
         forecaster: made of a predictor without people.
         instead_of: the variant that it changes; None: nothing is compared.
-        shown: whether the forecaster is told where the robot is.
-        kept_s: people whom somebody hides are kept for so long; None: as usual.
+        shown: whether the forecaster gets the robot as a person.
+        kept_s: how long occluded people are kept; None: the default.
     """
 
     forecaster: Callable[[OnlinePredictor], Forecaster]

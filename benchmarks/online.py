@@ -1,7 +1,7 @@
 """Milliseconds per update of the online predictor: tracker, features, network, joint choice and bookkeeping.
 
 `python -m benchmarks.online [--model models/online/default] [--json FILE]`. One thread, every frame a new
-detection of everybody, 0.3 s apart, so that each frame takes a remembered step of a recurrent network. The
+detection of all people, 0.3 s apart, so that each frame takes a remembered step of a recurrent network. The
 bound is the multiply-adds of the paper's network (`lstm` with its convolutions, which are two thirds of them)
 at the matrix rate that numpy reaches here; an update may take 1.5 times that for 20 people and 1.05 times
 for 200. Beside it: where the time goes, the network in torch, eager, without features, and the paper's 51 ms
@@ -32,7 +32,7 @@ from benchmarks.timing import median_ms, slowdown
 from pedpred.errors import user_errors
 from pedpred.online.network import read_origin
 from tools.arguments import count, output
-from tools.latency import ALLOWED, calmest, measured_updates, multiply_adds, paper_work, step_of
+from tools.latency import ALLOWED, best_updates, multiply_adds, paper_work, step_of, update_times
 
 CROWDS = (1, 20, 200, 1000)
 PAPER_MS = {20: 51.0}
@@ -46,7 +46,7 @@ def rows_of(folder: Path) -> list[dict[str, Any]]:
     own = multiply_adds(network, step)
     rows = []
     for people in CROWDS:
-        rate, times = calmest(folder, people, 410 if people <= 20 else 60)
+        rate, times = best_updates(folder, people, 410 if people <= 20 else 60)
         median = {name: float(np.median(values)) for name, values in times.items()}
         p99, bound = float(np.percentile(times["update"], 99)), people * work / rate * 1e3
         rows.append(
@@ -73,7 +73,7 @@ def beside_rows(folder: Path, processes: int) -> list[dict[str, Any]]:
     rows = []
     for people in FEW:
         for clock in ("update", "cpu"):
-            times = slowdown(lambda n=people, key=clock: measured_updates(folder, n, 110)[key], processes)
+            times = slowdown(lambda n=people, key=clock: update_times(folder, n, 110)[key], processes)
             rows.append({"pedestrians": people, "time": "CPU" if clock == "cpu" else "wall"} | times)
     return rows
 

@@ -153,7 +153,7 @@ def random_data(made_with: RowFormat, with_grid: bool, rng: np.random.Generator)
     return TrainingRows(channels, numbers(steps, 2), known, spans, ("random",), made_with)
 
 
-def in_turn(works: dict[str, Callable[[], Any]], device: torch.device) -> dict[str, np.ndarray]:
+def times_in_turn(works: dict[str, Callable[[], Any]], device: torch.device) -> dict[str, np.ndarray]:
     """Seconds of every work in every round, after one round to warm up. [ROUNDS] each."""
     took: dict[str, list[float]] = {name: [] for name in works}
     for _ in range(ROUNDS + 1):
@@ -171,7 +171,7 @@ def _wait(device: torch.device) -> None:
         torch.cuda.synchronize()
 
 
-def measured(name: str, case: Case, here: DistributedContext) -> dict[str, Any]:
+def measure_case(name: str, case: Case, here: DistributedContext) -> dict[str, Any]:
     """One row of the table: a network on the machine with the present number of threads."""
     batches = case.learner.batches(0)
     square = torch.rand(LARGE, LARGE, device=here.device)
@@ -182,7 +182,7 @@ def measured(name: str, case: Case, here: DistributedContext) -> dict[str, Any]:
         "update": case.learner.optimizer.step,
     }
     with here.precision():
-        took = in_turn(works, here.device)
+        took = times_in_turn(works, here.device)
     rate = 2 * LARGE**3 / took["rate"]
     middle = {k: float(np.median(v)) * 1e3 for k, v in took.items()}
     return {
@@ -215,7 +215,7 @@ def main() -> None:
                 continue
             for threads in (1, 2) if options.device == "cpu" else (1,):
                 torch.set_num_threads(threads)
-                rows += [measured(name, make(here), here) for name, make in cases().items()]
+                rows += [measure_case(name, make(here), here) for name, make in cases().items()]
     show("Training step", rows)
     keep({"train": rows}, options.json)
 

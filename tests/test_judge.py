@@ -20,8 +20,8 @@ from tools.judgement import metrics_of
 from tools.verdicts import (
     SEEDS,
     Verdict,
-    below,
-    got_worse,
+    at_most,
+    newly_broken,
     no_worse,
     place_verdicts,
     region_verdicts,
@@ -34,7 +34,7 @@ OWN |= {"per_step_coverage_50": [0.5] * 10, "per_step_coverage_90": [0.9] * 10}
 OWN |= {"per_step_coverage_95": [0.95] * 10}
 SIMPLE = {"cv": {"ade_m": 0.5, "standing_ade_m": 0.3}, "kalman_cv": {"ade_m": 0.4, "standing_ade_m": 0.2}}
 SIMPLE["kalman_cv"]["nll"] = 0.0
-GOOD, BAD = below("eth", "ADE", 1.0, 2.0), below("eth", "ADE", 3.0, 2.0)
+GOOD, BAD = at_most("eth", "ADE", 1.0, 2.0), at_most("eth", "ADE", 3.0, 2.0)
 PARAMS = cache(read_params)
 
 
@@ -84,11 +84,11 @@ def test_a_model_is_worse_in_regions_if_it_breaks_more_of_them():
     def model(*broken):
         return [Verdict("eth", f"region {k}", "", "", k not in broken, counted=True) for k in range(4)]
 
-    assert got_worse(model(1), model(2)) == []
-    assert got_worse(model(1, 2), model(2)) == [model(1, 2)[1]]
-    assert got_worse(model(), model(0, 1, 2, 3)) == []
-    assert got_worse(model(1), [*model(), BAD]) == []
-    assert got_worse([*model(1), BAD], model(2)) == [model(1)[1], BAD]
+    assert newly_broken(model(1), model(2)) == []
+    assert newly_broken(model(1, 2), model(2)) == [model(1, 2)[1]]
+    assert newly_broken(model(), model(0, 1, 2, 3)) == []
+    assert newly_broken(model(1), [*model(), BAD]) == []
+    assert newly_broken([*model(1), BAD], model(2)) == [model(1)[1], BAD]
 
 
 @pytest.mark.parametrize(("low", "holds"), [(-0.1, True), (0.9 * SEEDS, True), (1.1 * SEEDS, False)])
@@ -99,11 +99,11 @@ def test_an_error_is_larger_if_seeds_do_not_explain_it(low, holds):
 
 
 def test_the_summary_repeats_what_is_broken(capsys):
-    good, bad = below("eth", "ADE", 1.0, 2.0), below("hotel", "ADE", 3.0, 2.0)
-    assert judge.printed(iter([good, bad])) == [good, bad]
-    told = capsys.readouterr().out
-    assert (told.count(judge.line(good)), told.count(judge.line(bad))) == (1, 2)
-    assert "1 of 2 promises" in told
+    good, bad = at_most("eth", "ADE", 1.0, 2.0), at_most("hotel", "ADE", 3.0, 2.0)
+    assert judge.print_verdicts(iter([good, bad])) == [good, bad]
+    output = capsys.readouterr().out
+    assert (output.count(judge.line(good)), output.count(judge.line(bad))) == (1, 2)
+    assert "1 of 2 promises" in output
 
 
 def test_a_folder_is_taken_from_a_revision_however_it_is_named(tmp_path, monkeypatch, model):
@@ -139,9 +139,7 @@ def test_neither_a_folder_nor_a_revision_is_an_error(tmp_path, wrong, history):
 
 
 @pytest.mark.parametrize("option", ["--against", "--replace"])
-def test_a_folder_without_a_model_is_refused_before_measuring(
-    tmp_path, monkeypatch, capsys, model, option
-):
+def test_a_folder_without_a_model_is_refused_before_measuring(tmp_path, monkeypatch, capsys, model, option):
     monkeypatch.chdir(ROOT)
     with pytest.raises(SystemExit, match=str(tmp_path)):
         judge.main([str(model[0]), option, str(tmp_path)])
@@ -163,7 +161,7 @@ def test_files_of_two_models_are_refused_before_measuring(
 
 def test_it_fails_and_writes_what_it_found(tmp_path, monkeypatch, capsys, model):
     monkeypatch.chdir(ROOT)
-    found = [below("eth", "ADE", 3.0, 2.0)]
+    found = [at_most("eth", "ADE", 3.0, 2.0)]
     monkeypatch.setattr(judge.Judgement, "verdicts", lambda self, against: iter(found))
     (tmp_path / "model").symlink_to(model[0])
     with pytest.raises(SystemExit, match="1"):

@@ -67,7 +67,7 @@ def output_of(*command: str) -> str:
     return done.stdout
 
 
-def finished() -> dict[str, str]:
+def finished_experiments() -> dict[str, str]:
     """Git references of all finished experiments by name; `failed` is there once one has failed."""
     references = output_of("git", "for-each-ref", "--format=%(refname)", "refs/exps").split()
     return {reference.rpartition("/")[2]: reference for reference in references}
@@ -106,10 +106,10 @@ def _tasks(queue: LocalCeleryQueue, names: Collection[str], status: str) -> list
     return [task["rev"] for task in queue.status() if task["status"] == status and task["name"] in names]
 
 
-def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) -> dict[str, str]:
+def run_points(ablation: Ablation, experiments: Mapping[str, str], jobs: int) -> dict[str, str]:
     """Run every point as a queued DVC experiment; their git references by point."""
     leave_queue(experiments.values())
-    if stale := sorted(set(experiments.values()) & set(finished())):
+    if stale := sorted(set(experiments.values()) & set(finished_experiments())):
         output_of("dvc", "exp", "remove", *stale)
     for point, name in experiments.items():
         overrides = [f"--set-param={o}" for o in (*ablation.always, *ablation.points[point])]
@@ -123,14 +123,14 @@ def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) ->
             if look % _LOOKS == 0:  # workers would keep pipes open
                 subprocess.run(start, check=True, stdout=quiet, stderr=quiet, env=beside_python())
             time.sleep(PATIENCE_S)
-            done = finished()
+            done = finished_experiments()
             if "failed" in done:
                 raise SystemExit("A point failed: `dvc queue status` says which, `dvc queue logs <name>` why")
             bar.update(len(set(experiments.values()) & set(done)) - bar.n)
     return {point: done[name] for point, name in experiments.items()}
 
 
-def measures(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict]:
+def metrics_of_points(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict]:
     """The metric files that the ablation reads: point -> file -> contents."""
     files = {column.metrics for column in _columns(ablation)}
     return {
@@ -139,7 +139,7 @@ def measures(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dic
     }
 
 
-def learning(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict[str, pd.DataFrame]]:
+def training_curves(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict[str, pd.DataFrame]]:
     """The training curves asked for: point -> method -> curve."""
 
     def curve(reference: str, path: str) -> pd.DataFrame:
@@ -208,15 +208,17 @@ def main() -> None:
     open_project().close()
     check_points(ablation, Path("conf"))
     experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
-    references = reproduced(ablation, experiments, options.jobs)
-    measured = measures(ablation, references)
+    references = run_points(ablation, experiments, options.jobs)
+    measured = metrics_of_points(ablation, references)
     check_measured(ablation, measured)
     rows = point_rows(ablation, measured)
     params = plain(read_params(Path()))
     methods = Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
     tables = [ablation_table(ablation, rows, methods)]
     if ablation.curves:
-        tables.append(steps_table(ablation, steps_until(ablation, learning(ablation, references)), methods))
+        tables.append(
+            steps_table(ablation, steps_until(ablation, training_curves(ablation, references)), methods)
+        )
     write_json(out / f"{options.name}.json", rows)
     write_text(out / f"{options.name}.md", "\n\n".join(tables) + "\n")
     write_png(ablation_figure(ablation, rows, methods), out / f"{options.name}.png")

@@ -32,7 +32,7 @@ from pedpred.files import atomic_write, check_output, write_json
 from pedpred.online.network import ABOUT, GRAPH, read_description
 from tools.arguments import output
 from tools.judgement import Judgement
-from tools.verdicts import Verdict, got_worse
+from tools.verdicts import Verdict, newly_broken
 
 _TITLES = ("", "about", "what", "found", "limit", "remark")
 _WIDTHS = (4, 24, 44, 30, 24, 0)
@@ -99,7 +99,7 @@ def _row(*cells: str) -> str:
     return "  ".join(c.ljust(w) for c, w in zip(cells, _WIDTHS, strict=True)).rstrip() + "\n"
 
 
-def printed(verdicts: Iterable[Verdict]) -> list[Verdict]:
+def print_verdicts(verdicts: Iterable[Verdict]) -> list[Verdict]:
     """Print each verdict as it is measured, then the broken ones again."""
     sys.stdout.write(_row(*_TITLES))
     judged = []
@@ -126,7 +126,7 @@ def replace(
     """
     if folder.exists() and not all(verdict.holds for verdict in verdicts):
         sys.stdout.write(f"\nThe same for {folder}:\n")
-        worse = got_worse(verdicts, printed(Judgement(folder, params).verdicts(None)))
+        worse = newly_broken(verdicts, print_verdicts(Judgement(folder, params).verdicts(None)))
         for verdict in worse:
             if verdict.about in accepted:
                 sys.stdout.write(f"\naccepted: {line(verdict)}")
@@ -146,8 +146,8 @@ def main(arguments: list[str] | None = None) -> None:
     other = parser.add_mutually_exclusive_group()
     other.add_argument("--against", help="a model folder, or a git revision that has FOLDER")
     other.add_argument("--replace", type=Path, help="a model folder that becomes FOLDER if that is no worse")
-    said = "what may get worse when a model is replaced, as the column `about` has it; may be repeated"
-    parser.add_argument("--accept", action="append", default=[], metavar="ABOUT", help=said)
+    about = "what may get worse when a model is replaced, as the column `about` has it; may be repeated"
+    parser.add_argument("--accept", action="append", default=[], metavar="ABOUT", help=about)
     parser.add_argument("--out", type=output, help="write the verdicts there, JSON")
     options = parser.parse_args(arguments)
     if options.accept and not options.replace:
@@ -163,7 +163,7 @@ def main(arguments: list[str] | None = None) -> None:
             against = folder_at(options.against, options.folder, Path(scratch))
         if against is not None:
             check_whole(against)
-        verdicts = printed(judgement.verdicts(against))
+        verdicts = print_verdicts(judgement.verdicts(against))
     if options.out is not None:
         record: dict[str, Any] = {
             "folder": options.folder.as_posix(),

@@ -78,7 +78,7 @@ def room(rng: np.random.Generator) -> OccupancyMap:
     return OccupancyMap(occupied, np.zeros(2), 0.1)
 
 
-def measured_updates(folder: Path, count: int, frames: int) -> dict[str, np.ndarray]:
+def update_times(folder: Path, count: int, frames: int) -> dict[str, np.ndarray]:
     """Measure updates of a crowd that walks through a room, but for the first ten, ms. [frames - 10] each.
 
     Returns:
@@ -117,7 +117,9 @@ def _timed(
     return call
 
 
-def calmest(folder: Path, count: int, frames: int, tries: int = 3) -> tuple[float, dict[str, np.ndarray]]:
+def best_updates(
+    folder: Path, count: int, frames: int, tries: int = 3
+) -> tuple[float, dict[str, np.ndarray]]:
     """`matrix_rate` and `measured_updates` of the try in which updates took least, compared with products."""
-    found = [(matrix_rate(), measured_updates(folder, count, frames)) for _ in range(tries)]
+    found = [(matrix_rate(), update_times(folder, count, frames)) for _ in range(tries)]
     return min(found, key=lambda one: float(np.median(one[1]["update"])) * one[0])

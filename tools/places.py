@@ -22,7 +22,7 @@ def recording(place: str) -> Scene:
     """Read data/scenes/real/<place>.
 
     Raises:
-        ConfigError: no real people were recorded there, or the recording is missing; it says how to get it.
+        ConfigError: the place has no recording; the error says how to get one.
     """
     scene = read_scene(REAL / place)
     if instead := scene.unavailable or scene.stand_in:
@@ -65,8 +65,8 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
 def main(arguments: list[str] | None = None) -> None:
     """Read params.yaml, write to standard output the names of places that some place's settings refer to."""
     parser = argparse.ArgumentParser(prog="python -m tools.places", description=__doc__)
-    told = "of the rows: tuned_on (trackers) or fitted_on (social_forces)"
-    parser.add_argument("prefix", choices=("tuned_on", "fitted_on"), help=told)
+    about = "of the rows: tuned_on (trackers) or fitted_on (social_forces)"
+    parser.add_argument("prefix", choices=("tuned_on", "fitted_on"), help=about)
     options = parser.parse_args(arguments)
     places = read_params(Path()).places
     used = {place[kind] for place in places.values() for kind in ("tracker", "social_force")}
