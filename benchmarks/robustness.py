@@ -36,9 +36,9 @@ from benchmarks.people import (
 from benchmarks.tables import check_options_of_page, show, write_tables
 from pedpred.baselines.kalman import kalman_velocity
 from pedpred.baselines.present_motion import PRESENT_MOTION
-from pedpred.command.conversion import read_any
-from pedpred.command.evaluation import Apart
-from pedpred.command.prediction import robot_for
+from pedpred.command.evaluation import IsolatedTracks
+from pedpred.command.prediction import predictor_for
+from pedpred.command.recordings import open_scene
 from pedpred.errors import user_errors
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.scores import integrate_truth
@@ -94,7 +94,7 @@ def other_people(options: argparse.Namespace) -> Iterator[Row]:
         for number, ((name, (ground, ways)), walking) in enumerate(cases):
             path = Path(folder, f"{number}.sqlite")
             write_jupedsim(walking, ground, ways, path, np.random.default_rng(number))
-            scene = read_any(path)
+            scene = open_scene(path)
             trusting, error = (
                 ade_m(scene, options.model, OnlineSettings(0.125, learn_trust=trust))
                 for trust in (True, False)
@@ -121,7 +121,7 @@ def noise(options: argparse.Namespace, alone: bool = False) -> Iterator[Row]:
         people = scene.trajectories
         people = people.select(people.time_s < people.time_s.min() + options.seconds)
         if alone:
-            people = Apart.of(people).moved(people)
+            people = IsolatedTracks.of(people).shifted(people)
             scene = replace(scene, occupancy=OccupancyMap.free_around(people.position))
         scene = replace(scene, trajectories=people)
         rate_hz = options.detections if 1.0 / scene.detection_dt_s > options.detections else 0.0
@@ -237,7 +237,7 @@ def bias(options: argparse.Namespace) -> Iterator[Row]:
 
 def ahead_m(scene: Scene, model: Path | None) -> dict[str, np.ndarray]:
     """Displacement of each window along the heading at the horizon, m, and its speed, m/s. [W] each."""
-    age_s = robot_for(scene, None).settings.max_age_s
+    age_s = predictor_for(scene, None).settings.max_age_s
     predictor = OnlinePredictor.load(model, OnlineSettings(age_s, learn_trust=False))
     sizes = predictor.protocol
     how = Perception(predictor.filters, predictor.description.standstill_mps)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pedpred.command.prediction import robot_for
+from pedpred.command.prediction import predictor_for
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.scores import Scores, join_scores
 from pedpred.evaluation.windows import ask_about_windows
@@ -61,7 +61,7 @@ def crowd():
 @pytest.mark.parametrize("kind", ["model", "mixture"])
 def test_figures_do_not_depend_on_the_size_of_the_blocks(kind, crowd, request, monkeypatch):
     folder = request.getfixturevalue(kind)[0]
-    whole = assess(crowd, robot_for(crowd, folder), SETTINGS)
+    whole = assess(crowd, predictor_for(crowd, folder), SETTINGS)
     for rows in (1, 40):
         same_in_blocks(rows, whole, crowd, folder, monkeypatch)
 
@@ -69,7 +69,7 @@ def test_figures_do_not_depend_on_the_size_of_the_blocks(kind, crowd, request, m
 def same_in_blocks(rows, whole, crowd, folder, monkeypatch):
     monkeypatch.setattr("pedpred.forecasting.chain._ROWS_AT_ONCE", rows)
     monkeypatch.setattr(EXTRACT, "_ROWS_AT_ONCE", rows)
-    blocks = assess(crowd, robot_for(crowd, folder), SETTINGS)
+    blocks = assess(crowd, predictor_for(crowd, folder), SETTINGS)
     assert list(blocks) == list(whole)
     for name, own in whole.items():
         for field in ("track", "error_m", "inside", "nll"):
@@ -84,7 +84,7 @@ def test_each_detection_takes_little_memory(mixture):
     peaks = {}
     for rows in (1_000, 4_000, 8_000):
         scene = hall(rows)
-        robot = robot_for(scene, mixture[0])
+        robot = predictor_for(scene, mixture[0])
         gc.collect()
         tracemalloc.start()
         assess(scene, robot, SETTINGS, metrics={})

@@ -10,7 +10,7 @@ import yaml
 from omegaconf import DictConfig
 
 from pedpred.baselines.present_motion import STRONGEST
-from pedpred.command.prediction import robot_for
+from pedpred.command.prediction import predictor_for
 from pedpred.config import LOCK, plain, row
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
 from pedpred.features.perception import sensed
@@ -48,7 +48,7 @@ def scores_in(
     scene: Scene, folder: Path, sensor: SensorSettings, settings: EvaluationSettings
 ) -> dict[str, Scores]:
     """Scores of a model folder and of simple methods in a scene that a sensor looks at."""
-    robot = robot_for(sensed(scene, sensor), folder, detection_noise_m=sensor.position_noise_m)
+    robot = predictor_for(sensed(scene, sensor), folder, detection_noise_m=sensor.position_noise_m)
     return assess(scene, robot, settings, sensor)
 
 

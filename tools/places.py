@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from pedpred.command.conversion import read_any
+from pedpred.command.recordings import OpenOptions, open_scene
 from pedpred.config import config_errors, read_params
 from pedpred.errors import ConfigError, InputError
 from pedpred.reading.options import ReadOptions
@@ -47,7 +47,7 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
         InputError: a file is missing or damaged, or no place has a recording.
     """
     for path in files:
-        scene = read_any(path, options=ReadOptions(rate_hz=rate_hz) if path.is_file() else None)
+        scene = open_scene(path, OpenOptions(ReadOptions(rate_hz=rate_hz)) if path.is_file() else None)
         if scene.unavailable is not None:
             raise InputError(path, "", "its recording is not available", scene.unavailable)
         yield scene
@@ -58,7 +58,7 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
     if not places:
         remedy = "`python -m tools.recordings` says how to get recordings; then run `dvc repro ingest`"
         raise InputError(REAL, "", "no recording is here", f"{remedy}. Or name files")
-    yield from map(read_any, places)
+    yield from map(open_scene, places)
 
 
 @config_errors()

@@ -11,15 +11,29 @@ from pedpred.lazy import names_on_use
 if TYPE_CHECKING:
     from pedpred.ros.bag_files import is_bag as is_bag
     from pedpred.ros.bags import read_bag as read_bag
+    from pedpred.ros.detections import find_usable as find_usable
     from pedpred.ros.frames import Transform as Transform
-    from pedpred.ros.people import ADAPTERS as ADAPTERS
-    from pedpred.ros.people import TrackNumbers as TrackNumbers
-    from pedpred.ros.people import find_usable as find_usable
+    from pedpred.ros.identities import TrackNumbers as TrackNumbers
+    from pedpred.ros.people import PEOPLE_FIELDS as PEOPLE_FIELDS
     from pedpred.ros.recordings import check_recordable as check_recordable
-    from pedpred.ros.recordings import is_recording as is_recording
-    from pedpred.ros.recordings import read_recording as read_recording
     from pedpred.ros.recordings import write_recording as write_recording
     from pedpred.ros.scene_messages import map_of_grid as map_of_grid
     from pedpred.ros.scene_messages import seconds as seconds
 else:
-    __all__, __getattr__ = names_on_use(__name__, __file__)
+    __all__, __getattr__ = names_on_use(
+        __name__,
+        {
+            "is_bag": "pedpred.ros.bag_files",
+            "read_bag": "pedpred.ros.bags",
+            "Transform": "pedpred.ros.frames",
+            "ADAPTERS": "pedpred.ros.people",
+            "TrackNumbers": "pedpred.ros.people",
+            "find_usable": "pedpred.ros.people",
+            "check_recordable": "pedpred.ros.recordings",
+            "is_recording": "pedpred.ros.recordings",
+            "read_recording": "pedpred.ros.recordings",
+            "write_recording": "pedpred.ros.recordings",
+            "map_of_grid": "pedpred.ros.scene_messages",
+            "seconds": "pedpred.ros.scene_messages",
+        },
+    )

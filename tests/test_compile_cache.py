@@ -1,22 +1,17 @@
-"""Compiled code that is kept: never stale, never in the way."""
+"""The cache of compiled loops: no file of it is stale, damage and lack of a folder are no errors."""
 
 import concurrent.futures
 import importlib
 import os
 import pkgutil
 import shutil
-import subprocess
-import sys
-import textwrap
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import pedpred
-from pedpred.compiled import cache_folder, compiled
-from pedpred.contents import contents
+from pedpred.compiled import compiled, contents
 from tests.conftest import ROOT
 from tests.forked import run_forked
 
@@ -93,24 +88,10 @@ print(value, " ".join(sorted({"outside", "inside", "deeper"} & set(compiled))))
 VALUE = 20.0 * (1.0 + np.sqrt(2.0) + np.sqrt(3.0)) + 1000.0
 
 
-def run(folder, cache, script=SCRIPT, wrapper=None, **environment):
-    """Run in a process of its own: the value that a loop gives, names of compiled loops, what was said.
-
-    With a wrapper, be it empty, the process begins with nothing imported, and may have another `pedpred`.
-    """
+def run(folder, cache, script=SCRIPT, **environment):
+    """Run in a process of its own: the value that a loop gives, names of compiled loops, stderr."""
     environment = {"NUMBA_CACHE_DIR": str(cache), **environment, "PYTHONPATH": f"{folder}:{ROOT}"}
-    env = {k: v for k, v in (os.environ | environment).items() if v}
-    if wrapper is None:
-        done = run_forked(script, folder, env)
-    else:
-        done = subprocess.run(
-            [*wrapper, sys.executable, "-B", "-c", script],
-            cwd=folder,
-            env=env,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+    done = run_forked(script, folder, {k: v for k, v in (os.environ | environment).items() if v})
     assert done.returncode == 0, done.stderr
     value, *names = done.stdout.split()
     return float(value), names, done.stderr
@@ -147,7 +128,7 @@ def edit(path, old, new):
     os.utime(path, ns=(about.st_atime_ns, about.st_mtime_ns))
 
 
-def kept(cache):
+def cached(cache):
     return sorted(path.name for path in cache.rglob("*.loop"))
 
 
@@ -162,7 +143,7 @@ def kept(cache):
     ],
     ids=["a loop that is called", "one that this calls", "a constant", "an array", "the order of fields"],
 )
-def test_an_edit_counts_without_deleting_anything(copied, tmp_path, name, old, new, value):
+def test_edited_code_and_constants_are_compiled_again(copied, tmp_path, name, old, new, value):
     folder, cache = copied
     edit(folder / name, old, new)
     found, names, _ = run(folder, cache)
@@ -171,7 +152,7 @@ def test_an_edit_counts_without_deleting_anything(copied, tmp_path, name, old, n
     assert value is None or found == pytest.approx(value)
 
 
-def test_the_code_before_an_edit_is_kept_beside_that_after_it(copied):
+def test_two_versions_of_the_code_are_cached_side_by_side(copied):
     folder, cache = copied
     edit(folder / "inner.py", "2.0 * deeper", "3.0 * deeper")
     assert "deeper" not in run(folder, cache)[1]
@@ -183,7 +164,7 @@ def test_the_code_before_an_edit_is_kept_beside_that_after_it(copied):
     ("name", "old", "new"),
     [("outer.py", "Sum up.", "Add up, the limit included."), ("limits.py", "UNUSED = 1.0", "UNUSED = 2.0")],
 )
-def test_an_edit_of_what_is_not_compiled_compiles_nothing(copied, name, old, new):
+def test_comments_docstrings_and_unused_names_do_not_count(copied, name, old, new):
     folder, cache = copied
     edit(folder / name, old, new)
     edit(folder / "inner.py", "import math", "# a comment\n\nimport math")
@@ -193,125 +174,68 @@ def test_an_edit_of_what_is_not_compiled_compiles_nothing(copied, name, old, new
 DAMAGES = {
     "empty": lambda raw: b"",
     "cut": lambda raw: raw[: len(raw) // 2],
-    "zeros": lambda raw: bytes(len(raw)),
-    "zeros from some page on": lambda raw: raw[:4096] + bytes(len(raw) - 4096),
     "one bit": lambda raw: raw[: len(raw) // 2] + bytes([raw[len(raw) // 2] ^ 1]) + raw[len(raw) // 2 + 1 :],
-    "something else": lambda raw: b"cos\nsystem\n(S'exit'\ntR." + raw,
+    "other pickle": lambda raw: b"cos\nsystem\n(S'exit'\ntR." + raw,
 }
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_file_is_replaced(copied, damage):
-    """As after a power cut; nothing has to be deleted by hand."""
+def test_a_damaged_file_is_compiled_again_and_replaced(copied, damage):
     folder, cache = copied
     for path in filter(Path.is_file, cache.rglob("*")):
         path.write_bytes(DAMAGES[damage](path.read_bytes()))
-    value, names, said = run(folder, cache)
+    value, names, _ = run(folder, cache)
     assert (value, names) == (pytest.approx(VALUE), ["deeper", "inside", "outside"])
-    assert "cannot" not in said
     assert run(folder, cache)[:2] == (pytest.approx(VALUE), [])
 
 
-def test_a_folder_in_the_place_of_a_file_is_no_error(copied):
-    folder, cache = copied
-    for path in cache.rglob("*.loop"):
-        path.unlink()
-        path.mkdir()
-    assert run(folder, cache)[0] == pytest.approx(VALUE)
-
-
-def no_place(tmp_path):
+def no_folder(tmp_path):
     (tmp_path / "file").touch()
-    return {"NUMBA_CACHE_DIR": str(tmp_path / "file")}, "", None
+    return {"NUMBA_CACHE_DIR": str(tmp_path / "file")}, ""
 
 
 def no_home(tmp_path):
-    return {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", "HOME": "/dev/null"}, "", ()
+    return {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", "HOME": "/dev/null"}, ""
 
 
 def full_disk(tmp_path):
-    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))\n"
-    return {"NUMBA_CACHE_DIR": str(tmp_path / "full")}, limit, ()
+    """Room for messages, and for no file of the cache."""
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+    return {"NUMBA_CACHE_DIR": str(tmp_path / "full")}, limit
 
 
-@pytest.mark.parametrize("place", [no_place, no_home, full_disk])
-def test_without_a_place_loops_are_compiled_all_the_same(before, tmp_path, place):
-    environment, first, wrapper = place(tmp_path)
-    value, names, said = run(before[0], tmp_path, first + SCRIPT, wrapper, **environment)
+@pytest.mark.parametrize("place", [no_folder, no_home, full_disk])
+def test_without_a_cache_loops_are_compiled_with_one_warning(before, tmp_path, place):
+    environment, first = place(tmp_path)
+    value, names, log = run(before[0], tmp_path, first + SCRIPT, **environment)
     assert (value, names) == (pytest.approx(VALUE), ["deeper", "inside", "outside"])
-    assert said.count("compiled code cannot be kept in ") == 1
-    assert not kept(tmp_path)
+    assert log.count("NUMBA_CACHE_DIR") == 1
+    assert not cached(tmp_path)
 
 
-@contextmanager
-def read_only(folder):
-    """Nobody can write into a folder: the beginning of commands that are to see it so."""
-    if os.geteuid():
-        for path in [folder, *folder.rglob("*/")]:
-            path.chmod(0o555)
-        yield []
-        for path in [folder, *folder.rglob("*/")]:
-            path.chmod(0o755)
-        return
-    mount = 'mount --bind "$0" "$0" && mount -o remount,bind,ro "$0" && exec "$@"'
-    wrapper = ["unshare", "--mount", "sh", "-c", mount, str(folder)]
-    if subprocess.run([*wrapper, "true"], capture_output=True, check=False).returncode:
-        pytest.skip("needs mounts of its own")
-    yield wrapper
+def test_a_cache_that_cannot_be_written_is_read(before, tmp_path):
+    """As in the image of a container, with code compiled when it was made; here the disk is full."""
+    assert run(*before, full_disk(tmp_path)[1] + SCRIPT) == (pytest.approx(VALUE), [], "")
 
 
-def test_a_read_only_installation_works(before, tmp_path):
-    """Package and home as in a container: the command answers, loops are compiled."""
-    shutil.copytree(before[0], tmp_path / "all")
-    shutil.copytree(ROOT / "pedpred", tmp_path / "all" / "pedpred")
-    (tmp_path / "all" / "home").mkdir()
-    about = f"from pedpred.command import main\nmain(['info', {str(ROOT / 'examples/corner/walk.txt')!r}])\n"
-    silent = "import contextlib, io\nwith contextlib.redirect_stdout(io.StringIO()):\n"
-    command = silent + textwrap.indent(about, "    ")
-    environment = {"XDG_CACHE_HOME": "", "HOME": str(tmp_path / "all" / "home")}
-    with read_only(tmp_path / "all") as wrapper:
-        value, names, said = run(tmp_path / "all", "", command + SCRIPT, wrapper, **environment)
-    assert (value, names) == (pytest.approx(VALUE), ["deeper", "inside", "outside"])
-    assert said.count("compiled code cannot be kept in ") == 1
-
-
-def test_a_folder_that_cannot_be_written_to_is_read(before, tmp_path):
-    """An image of a container, with code compiled when it was made; here the disk is full."""
-    value, names, said = run(before[0], before[1], full_disk(tmp_path)[1] + SCRIPT, ())
-    assert (value, names, said) == (pytest.approx(VALUE), [], "")
-
-
-def test_the_place_is_that_of_the_user(before, tmp_path):
+def test_the_cache_is_in_the_folders_of_the_user(before, tmp_path):
     run(before[0], "", XDG_CACHE_HOME=str(tmp_path / "xdg"))
     run(before[0], "", XDG_CACHE_HOME="", HOME=str(tmp_path / "home"))
     folders = tmp_path / "xdg" / "pedpred" / "compiled", tmp_path / "home" / ".cache" / "pedpred" / "compiled"
-    assert [len(kept(folder)) for folder in folders] == [3, 3]
+    assert [len(cached(folder)) for folder in folders] == [3, 3]
     assert all(folder.stat().st_mode & 0o077 == 0 for folder in folders)
 
 
-def test_processes_that_begin_together_share_a_place(before, tmp_path):
+def test_processes_that_compile_at_once_share_a_cache(before, tmp_path):
     with concurrent.futures.ThreadPoolExecutor(3) as pool:
         values = [value for value, _, _ in pool.map(lambda _: run(before[0], tmp_path), range(3))]
     assert values == [pytest.approx(VALUE)] * 3
     assert run(before[0], tmp_path)[1] == []
 
 
-def test_threads_compile_once(before, tmp_path):
-    ends = SCRIPT.replace(
-        "value = outside",
-        """import threading
-threads = [threading.Thread(target=lambda: outside(np.arange(4.0), Pair(**named))) for _ in range(4)]
-[thread.start() for thread in threads]
-[thread.join() for thread in threads]
-assert compiled.count("outside") == compiled.count("deeper") == 1
-value = outside""",
-    )
-    run(before[0], tmp_path, ends)
-
-
-def test_what_nobody_uses_is_removed(copied):
+def test_files_unused_for_half_a_year_are_removed(copied):
     folder, cache = copied
-    old, other = cache / "pedpred" / "old.loop", cache / "pedpred" / "somebody's file"
+    old, other = cache / "pedpred" / "old.loop", cache / "pedpred" / "foreign.txt"
     for path in (old, other):
         path.write_text("")
         os.utime(path, (0, 0))
@@ -324,7 +248,7 @@ def test_what_nobody_uses_is_removed(copied):
 LIMITS = np.array([1.0])
 
 
-def test_a_loop_may_read_nothing_that_cannot_be_told():
+def test_a_loop_that_reads_a_dict_or_method_is_refused():
     settings = {"limit": 1.0}
 
     def reads_a_dict():
@@ -333,22 +257,21 @@ def test_a_loop_may_read_nothing_that_cannot_be_told():
     def reads_a_module():
         return Path.cwd
 
-    with pytest.raises(TypeError, match=r"reads_a_dict reads settings, a builtins\.dict: a compiled"):
-        contents(reads_a_dict)
-    with pytest.raises(TypeError, match="reads Path"):
-        contents(reads_a_module)
-    with pytest.raises(TypeError, match="settings"):
-        compiled(reads_a_dict)()
+    for loop, name in ((reads_a_dict, "settings"), (reads_a_module, "Path")):
+        with pytest.raises(TypeError, match=name):
+            contents(loop)
+        with pytest.raises(TypeError, match=name):
+            compiled(loop)()
 
 
-def test_loops_that_call_each_other_have_contents():
+def test_the_contents_of_mutually_recursive_loops_are_finite():
     one = compiled(lambda n: other(n - 1) if n else 0)
     other = compiled(lambda n: one(n - 1) if n else 0)
     assert len(contents(one.py_func)) == 2
     assert contents(one.py_func) == contents(one.py_func)
 
 
-def test_a_loop_that_changes_in_a_process_is_not_kept(monkeypatch):
+def test_a_loop_that_changes_in_a_process_is_not_cached(monkeypatch):
     """The former one may be compiled into others by then."""
 
     def reads_limits():
@@ -359,35 +282,7 @@ def test_a_loop_that_changes_in_a_process_is_not_kept(monkeypatch):
     assert contents(reads_limits) is None
 
 
-COUNT = """
-import numpy as np
-
-from pedpred.forecasting.comparisons import _SHARES, _count
-from pedpred.metrics.calibration import COARSE
-
-missed, here, spread, nothing = np.zeros(1, np.int64), np.zeros((1, 1, 2)), np.eye(2)[None, None], np.zeros(1)
-truth, group, since = np.array([[2.0, 0.0]]), np.zeros(1, np.int64), np.zeros((2, 1))
-_count(missed, here, spread, np.ones((1, 1)), truth, nothing, group, since, _SHARES, COARSE)
-print(missed[0])
-"""
-
-
-def test_a_loop_of_another_module_counts_in_the_package(tmp_path):
-    """`forecasting.comparisons` calls `metrics.calibration`. Loops as they are need not be compiled again."""
-    if cache_folder().exists():
-        shutil.copytree(cache_folder(), tmp_path / "cache" / "pedpred")
-    assert run(tmp_path, tmp_path / "cache", COUNT)[0] == 1  # outside the region of 50 %, with 86 % inside
-    shutil.copytree(ROOT / "pedpred", tmp_path / "pedpred")
-    edit(
-        tmp_path / "pedpred" / "metrics" / "calibration.py",
-        "return 1.0 - here / left",
-        "return 0.5 * (1.0 - here / left)",
-    )
-    assert run(tmp_path, tmp_path / "cache", COUNT, ())[0] == 0
-
-
-def test_every_loop_has_contents():
-    """What a loop must not read is found here, and not by the first who calls it."""
+def test_every_loop_of_the_package_can_be_cached():
     elsewhere = "__main__", "ros2.node"  # a command, and what needs a ROS
     names = [one.name for one in pkgutil.walk_packages(pedpred.__path__, "pedpred.")]
     modules = [importlib.import_module(name) for name in names if not name.endswith(elsewhere)]
