@@ -22,7 +22,17 @@ if TYPE_CHECKING:
 
     __version__: str
 else:
-    __all__, _find = names_on_use(__name__, __file__)
+    __all__, _find = names_on_use(
+        __name__,
+        {
+            "predict": "pedpred.command.data_frames",
+            "OnlinePredictor": "pedpred.online",
+            "OnlineSettings": "pedpred.online",
+            "warm_up": "pedpred.online.warming",
+            "Forecast": "pedpred.scenes",
+            "OccupancyMap": "pedpred.scenes",
+        },
+    )
 
     def __getattr__(name):
         """Import a public name from where it is defined; `__version__` is that of the installation."""

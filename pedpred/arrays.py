@@ -1,4 +1,4 @@
-"""Numbers as users pass them: taken as they are, or refused by name before anything of them is lost.
+"""Arguments as real numbers: they are taken exactly, or refused by name.
 
 Conversion by numpy drops the mask of a masked array and the imaginary part of complex numbers, counts dates
 in whatever unit they have, and reads text as numbers. Here these are errors; value types use these functions.
@@ -39,7 +39,7 @@ def real_numbers(field: str, value: Any, kinds: str = _REAL) -> np.ndarray:
     if type(value) is np.ndarray and value.dtype.kind in kinds:
         return value
     try:
-        if _hides(value):
+        if np.ma.isMaskedArray(value) and np.ma.getmaskarray(value).any():
             raise ValueRuleError(field, value, _MASKED)
         array = np.asarray(value)
     except (OverflowError, RuntimeError, TypeError, ValueError) as cause:
@@ -66,31 +66,11 @@ def real_number(field: str, value: Any) -> float:
     raise ValueRuleError(field, value, "it must be one number")
 
 
-def locked(values: np.ndarray, kind: type) -> np.ndarray:
-    """Return values of a type, in C order, as an array that nobody can write into.
-
-    It is a copy, unless they are such an array already: read-only, and no view of memory that can be written.
-    """
-    if values.dtype == kind and values.flags.c_contiguous and _never_changes(values):
+def read_only(values: np.ndarray, kind: type) -> np.ndarray:
+    """Return values of a type, in C order, as an array that cannot be written; a copy unless they are one."""
+    fixed = values.base is None and not values.flags.writeable
+    if fixed and values.dtype == kind and values.flags.c_contiguous:
         return values
     array: np.ndarray = np.array(values, kind, order="C")
     array.flags.writeable = False
     return array
-
-
-def _hides(value: Any) -> bool:
-    """Whether an array, or one in a list, has masked elements."""
-    if isinstance(value, np.ma.MaskedArray):
-        return bool(np.ma.getmaskarray(value).any())
-    return isinstance(value, (list, tuple)) and any(map(_hides, value))
-
-
-def _never_changes(values: Any) -> bool:
-    """Whether an array and the memory that it shows are read-only."""
-    while isinstance(values, np.ndarray):
-        if values.flags.writeable:
-            return False
-        if values.base is None:
-            return True
-        values = values.base
-    return isinstance(values, bytes)

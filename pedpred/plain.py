@@ -1,4 +1,4 @@
-"""Plain values from JSON and YAML, within bounds: a short YAML text can stand for any number of values."""
+"""Bounded parsing of JSON and YAML: a short YAML text can stand for any number of values."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import yaml
 
 from pedpred.errors import brief
 
-_MOST_NODES, _DEEPEST, _LONGEST_SCALAR = 2**15, 40, 2**16
+_MOST_NODES = 2**15
 
 
 def parse_json(raw: bytes | str, missing: bool = False) -> Any:
@@ -43,7 +43,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _check_keys(keys: list[str]) -> None:
-    """Refuse a key that is there twice: nobody knows which value counts."""
+    """Refuse a key that is there twice."""
     if len(set(keys)) < len(keys):
         twice, _ = Counter(keys).most_common(1)[0]
         raise ValueError(f"the key {brief(twice)} is there twice")
@@ -59,6 +59,7 @@ def parse_yaml(raw: bytes | str) -> Any:
     Raises:
         yaml.YAMLError: it is not such YAML.
         ValueError: it is or stands for too much, or a value is none of its type.
+        RecursionError: it is nested too deeply.
     """
     loader = _BoundedLoader(raw)
     try:
@@ -72,24 +73,19 @@ class _BoundedLoader(yaml.SafeLoader):
 
     def __init__(self, stream: bytes | str):
         super().__init__(stream)
-        self._nodes = self._depth = 0
+        self._nodes = 0
         self._sizes: dict[str, int] = {}
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """Compose a node within the bounds."""
+        """Compose a node within the bound."""
         event, before = self.peek_event(), self._nodes
-        line = f"line {event.start_mark.line + 1}"
+        self._nodes += 1
         if isinstance(event, yaml.AliasEvent):
             self._nodes += self._sizes.get(str(event.anchor), _MOST_NODES)  # no size yet: inside itself
-        self._nodes, self._depth = self._nodes + 1, self._depth + 1
         if self._nodes > _MOST_NODES:
-            raise ValueError(f"{line}: more than {_MOST_NODES} values with those that aliases stand for")
-        if self._depth > _DEEPEST:
-            raise ValueError(f"{line}: nested more than {_DEEPEST} deep")
-        if isinstance(event, yaml.ScalarEvent) and len(event.value) > _LONGEST_SCALAR:
-            raise ValueError(f"{line}: a text of more than {_LONGEST_SCALAR} characters")
+            line = event.start_mark.line + 1
+            raise ValueError(f"line {line}: more than {_MOST_NODES} values with those that aliases stand for")
         node = super().compose_node(parent, index)
-        self._depth -= 1
         if isinstance(event, yaml.NodeEvent) and event.anchor and not isinstance(event, yaml.AliasEvent):
             self._sizes[event.anchor] = self._nodes - before
         return node

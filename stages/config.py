@@ -26,7 +26,6 @@ from pedpred.driving.worlds import KINDS
 from pedpred.errors import ConfigError
 from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker
-from pedpred.fields import check_names, parsed, parsed_each, parsed_together
 from pedpred.files import write_text
 from pedpred.forecasting import MethodRow
 from pedpred.literature.settings import ComparisonSettings
@@ -48,6 +47,7 @@ from pedpred.report.rows import (
 )
 from pedpred.scenes import VARIANTS
 from pedpred.sequences import SequenceSets
+from pedpred.settings import check_names, load, load_each, load_together
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
@@ -102,7 +102,7 @@ def _whole(group: str, *kinds: type) -> Check:
 
     def check_fields(cfg: Params) -> None:
         with configured(group):
-            parsed_together(kinds, part(cfg, group))
+            load_together(kinds, part(cfg, group))
 
     return check_fields
 
@@ -123,14 +123,14 @@ def _use(cfg: Params, key: str, use: SetUse) -> None:
 def _simulation(cfg: Params, name: str) -> None:
     simulation = part(cfg, "simulations", name)
     _names(f"simulations.{name}.drawn", SimulationSettings.parse(simulation).drawn, layout_names())
-    _use(cfg, f"simulations.{name}", parsed_together([SimulationSettings, SetUse], simulation)[1])
+    _use(cfg, f"simulations.{name}", load_together([SimulationSettings, SetUse], simulation)[1])
 
 
 def _place(cfg: Params, name: str) -> None:
-    place, use = parsed_together([PlaceRow, SetUse], part(cfg, "places", name))
+    place, use = load_together([PlaceRow, SetUse], part(cfg, "places", name))
     one_of(f"places.{name}.source", place.source, SOURCES)
     if place.source in SETTINGS:
-        parsed(SETTINGS[place.source], place.settings, "settings")
+        load(SETTINGS[place.source], place.settings, "settings")
     _use(cfg, f"places.{name}", use)
     if place.source in WITHOUT_VELOCITIES and row(cfg, "trackers", use.tracker).get("kind") == "truth":
         rule = "true states need velocities, which these recordings do not have; choose a Kalman filter"
@@ -141,7 +141,7 @@ def _fold(cfg: Params, study: str) -> None:
     one_of("folds", study, dict.fromkeys(STUDIES))
     tested = [f"{kind}/{name}" for kind, rows in SETS.items() for name in part(cfg, rows)]
     by_others: dict[str, str] = {}
-    for name, fold in parsed_each(FoldRow, folds := part(cfg, "folds", study)).items():
+    for name, fold in load_each(FoldRow, folds := part(cfg, "folds", study)).items():
         key = f"folds.{study}.{name}"
         _names(f"{key}.test", fold.test, tested)
         trains = trained_sets(vars(fold), part(cfg, "places"))
@@ -160,7 +160,7 @@ def _fold(cfg: Params, study: str) -> None:
 def _methods(cfg: Params) -> None:
     _names("methods", part(cfg, "methods"), METHODS)
     for group in part(cfg, "methods"):
-        for key, method in parsed_each(MethodRow, part(cfg, "methods", group), f"methods.{group}").items():
+        for key, method in load_each(MethodRow, part(cfg, "methods", group), f"methods.{group}").items():
             with configured(f"methods.{group}"):
                 if group != "baselines":
                     with configured(f"methods.{group}.{key}.settings"):
@@ -216,7 +216,7 @@ def weights_of(cfg: Params, network: str) -> list[str]:
 
 def _online(cfg: Params) -> None:
     with configured("online"):
-        _, rows = parsed_together([Following, OnlineRows], part(cfg, "online"))
+        _, rows = load_together([Following, OnlineRows], part(cfg, "online"))
     for name, promise in rows.promises.items():
         _names(f"online.promises.{name}.method", [promise.method], _keys(cfg))
 
@@ -227,7 +227,7 @@ def _exports(cfg: Params) -> dict[str, ExportRow]:
     for group in EXPORTING:
         key = f"{group}.exports"
         with configured(key):
-            rows = parsed_each(ExportRow, part(cfg, group).get("exports", {}))
+            rows = load_each(ExportRow, part(cfg, group).get("exports", {}))
         for name, export in rows.items():
             kalman_of(cfg, export.tracker)
             _names(f"{key}.{name}.network", [export.network], cfg["methods"]["networks"])
@@ -257,25 +257,25 @@ def _situations(cfg: Params) -> None:
     for name in part(cfg, "situations"):
         if name == "simulated":
             with configured("situations.simulated"):
-                sets = parsed_each(SimulatedSet, part(cfg, "situations", name))
+                sets = load_each(SimulatedSet, part(cfg, "situations", name))
             for key, chosen in sets.items():
                 if chosen.kind == "arrangement":
                     _scenes(f"situations.simulated.{key}.input", chosen.input)
         else:
             with configured(f"situations.{name}"):
-                parsed(one_of("situations", name, kinds), part(cfg, "situations", name))
+                load(one_of("situations", name, kinds), part(cfg, "situations", name))
 
 
 def _sequences(cfg: Params) -> None:
     with configured("sequences"):
-        sets = parsed(SequenceSets, part(cfg, "sequences"))
+        sets = load(SequenceSets, part(cfg, "sequences"))
     _names("sequences.scenes", sets.scenes, cfg["simulations"])
 
 
 def _training(cfg: Params) -> None:
     training = part(cfg, "training")
     with configured("training"):
-        parsed(DeviceSettings, {name: value for name, value in training.items() if name in WHERE})
+        load(DeviceSettings, {name: value for name, value in training.items() if name in WHERE})
     for phase in training.keys() - WHERE:
         settings, data = phase_of(cfg, phase)
         shares = getattr(settings, "shares", ())
@@ -292,7 +292,7 @@ def _features(cfg: Params) -> None:
 
 def _recording(cfg: Params) -> None:
     with configured("recording"):
-        rows = parsed(RecordingRows, part(cfg, "recording"))
+        rows = load(RecordingRows, part(cfg, "recording"))
     _names("recording.methods", [*rows.methods, rows.animation.method], _keys(cfg))
     for name, scene in rows.scenes.items():
         if scene.scene.rpartition("/")[2] != name:
@@ -323,7 +323,7 @@ def _driving(cfg: Params) -> None:
 
 def _comparison(cfg: Params) -> None:
     with configured("comparison"):
-        reference, _ = parsed_together([Reference, Resampling], part(cfg, "comparison"))
+        reference, _ = load_together([Reference, Resampling], part(cfg, "comparison"))
     _names("comparison.reference", [reference.reference], cfg["methods"]["baselines"])
 
 
@@ -332,11 +332,11 @@ def _report(cfg: Params) -> None:
     _names("report", part(cfg, "report"), parts)
     with configured("report"):
         Methods.parse(part(cfg, "report", "methods"), cfg["comparison"]["reference"])
-        parsed(PublishedRows, {"published": cfg["report"]["published"]})
+        load(PublishedRows, {"published": cfg["report"]["published"]})
     with configured("report.paper"):
-        parsed(Paper, part(cfg, "report", "paper"))
+        load(Paper, part(cfg, "report", "paper"))
     with configured("report.page"):
-        rows, shown = parsed_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
+        rows, shown = load_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
     _names("report.page.replays", rows.replays, cfg["folds"])
     _names("report.page.methods", shown.methods, _keys(cfg))
 
@@ -347,7 +347,7 @@ def _literature(cfg: Params) -> None:
         names = [*(setting.name for setting in fields(ComparisonSettings)), "networks", "exports"]
         check_names(names, literature, "", f"there are {', '.join(names)}")
     with configured("literature.reader"):
-        parsed(EthUcySettings, {**part(cfg, "literature", "reader"), "recording": ""})
+        load(EthUcySettings, {**part(cfg, "literature", "reader"), "recording": ""})
     for key, fold in part(cfg, "literature", "folds").items():
         for name in ("test", "train"):
             sets = fold.get(name) if isinstance(fold, Mapping) else None
@@ -370,7 +370,7 @@ def _literature(cfg: Params) -> None:
 PARTS: dict[str, Check] = {
     "mirrors": _each("mirrors", lambda cfg, name: Mirrors.parse(name, part(cfg, "mirrors", name))),
     "trackers": _each("trackers", lambda cfg, name: parse_tracker(row(cfg, "trackers", name))),
-    "sensors": _each("sensors", lambda cfg, name: parsed(SensorSettings, row(cfg, "sensors", name))),
+    "sensors": _each("sensors", lambda cfg, name: load(SensorSettings, row(cfg, "sensors", name))),
     "social_forces": _each(
         "social_forces", lambda cfg, name: social_force_settings(row(cfg, "social_forces", name))
     ),

@@ -8,7 +8,7 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, part, stage, stage_key
 from pedpred.driving.trials import TrialSettings, drive_block, write_trial
-from pedpred.fields import parsed
+from pedpred.settings import load
 from pedpred.workers import in_parallel
 
 
@@ -16,7 +16,7 @@ def trials_of(cfg: Mapping[str, Any]) -> TrialSettings:
     """Read which drives are done."""
     with configured("driving"):
         values = {key: value for key, value in part(cfg, "driving").items() if key != "exports"}
-        settings: TrialSettings = parsed(TrialSettings, values)
+        settings: TrialSettings = load(TrialSettings, values)
     return settings
 
 

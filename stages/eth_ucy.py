@@ -10,10 +10,10 @@ from typing import Any
 from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, part
-from pedpred.fields import parsed, parsed_together
 from pedpred.literature.mixing import RecordingShare
 from pedpred.literature.settings import ComparisonSettings, WindowSettings
 from pedpred.literature.windows import WindowSet, find_windows
+from pedpred.settings import load, load_together
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import KalmanBank
 from pedpred.training import InstantSettings, SequenceSettings
@@ -31,9 +31,7 @@ def comparison_of(cfg: Mapping[str, Any]) -> ComparisonSettings:
     """Read what is compared; `networks` says how those are trained."""
     values, names = part(cfg, "literature"), [setting.name for setting in fields(ComparisonSettings)]
     with configured("literature"):
-        settings: ComparisonSettings = parsed(
-            ComparisonSettings, {k: values[k] for k in names if k in values}
-        )
+        settings: ComparisonSettings = load(ComparisonSettings, {k: values[k] for k in names if k in values})
     return settings
 
 
@@ -43,16 +41,16 @@ def phase_of(cfg: Mapping[str, Any], name: str, phase: str) -> Phase:
     options = part(cfg, "literature", "networks", name, phase)
     with configured(f"literature.networks.{name}.{phase}"):
         if "shares" not in options:
-            return parsed(SequenceSettings, options), None
+            return load(SequenceSettings, options), None
         kinds = [InstantSettings, *([RecordingShare] if "real_share" in options else [])]
-        settings, *share = parsed_together(kinds, options)
+        settings, *share = load_together(kinds, options)
     return settings, share[0] if share else None
 
 
 def protocol_settings(cfg: Mapping[str, Any]) -> WindowSettings:
     """Read how long windows are."""
     with configured("literature.protocol"):
-        settings: WindowSettings = parsed(WindowSettings, part(cfg, "literature", "protocol"))
+        settings: WindowSettings = load(WindowSettings, part(cfg, "literature", "protocol"))
     return settings
 
 

@@ -13,10 +13,10 @@ from pedpred.baselines.registry import baseline
 from pedpred.config import SETS, configured, one_of, plain, row, stage, stage_key
 from pedpred.evaluation import MetricSettings
 from pedpred.evaluation.compare import Trial, evaluate_scene
-from pedpred.fields import parsed
 from pedpred.forecasting import MethodRow
 from pedpred.models.forecaster import forecaster
 from pedpred.models.lstm.features import LstmFeatures
+from pedpred.settings import load
 from pedpred.simulation.settings import social_force_settings
 from pedpred.storage.scenes import scene_folders
 from pedpred.workers import in_parallel
@@ -36,14 +36,14 @@ def tested_sets(folds: Iterable[Mapping[str, Any]], kinds: Iterable[str]) -> lis
 def metric_settings(cfg: DictConfig) -> MetricSettings:
     """Read the choices of forecasters and the thresholds of metrics."""
     with configured("evaluation"):
-        settings: MetricSettings = parsed(MetricSettings, plain(cfg.evaluation))
+        settings: MetricSettings = load(MetricSettings, plain(cfg.evaluation))
     return settings
 
 
 def trials_of_baseline(cfg: DictConfig, name: str) -> Iterator[tuple[str, Path, Trial]]:
     """A simple method at all test sets."""
     with configured(f"methods.baselines.{name}"):
-        method: MethodRow = parsed(MethodRow, plain(cfg.methods.baselines[name]))
+        method: MethodRow = load(MethodRow, plain(cfg.methods.baselines[name]))
         simple = baseline(name, method.settings)
     folds = [fold for study in cfg.folds.values() for fold in study.values()]
     for at in tested_sets(folds, method.where):

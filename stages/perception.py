@@ -12,9 +12,9 @@ from pedpred.config import configured, one_of, part, row
 from pedpred.errors import ConfigError
 from pedpred.features import ForecastProtocol, ModelFeatures
 from pedpred.features.perception import Following, Perception, parse_tracker
-from pedpred.fields import parsed, parsed_together
 from pedpred.models.features import parse_features
 from pedpred.scenes import VARIANTS
+from pedpred.settings import load, load_together
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.tracking import KalmanBank, KalmanSettings
 
@@ -24,7 +24,7 @@ def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, Fore
     with configured(f"trackers.{source.tracker}"):
         kalman = parse_tracker(row(cfg, "trackers", source.tracker))
     with configured(f"sensors.{source.sensor}"):
-        sensor = parsed(SensorSettings, row(cfg, "sensors", source.sensor))
+        sensor = load(SensorSettings, row(cfg, "sensors", source.sensor))
     protocol, how = protocol_of(cfg)
     if kalman is None:  # true states need no differences, so inputs cannot leak the future
         return Perception(None, how.standstill_mps, sensor), replace(protocol, noncausal=False)
@@ -34,7 +34,7 @@ def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, Fore
 def protocol_of(cfg: Mapping[str, Any]) -> tuple[ForecastProtocol, Following]:
     """Read what all forecasts have in common, and how people are followed."""
     with configured("protocol"):
-        protocol, how = parsed_together([ForecastProtocol, Following], part(cfg, "protocol"))
+        protocol, how = load_together([ForecastProtocol, Following], part(cfg, "protocol"))
     return protocol, how
 
 

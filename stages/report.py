@@ -7,7 +7,6 @@ from typing import Any
 from omegaconf import DictConfig
 
 from pedpred.config import configured, part, plain, stage
-from pedpred.fields import parsed, parsed_together
 from pedpred.files import write_text
 from pedpred.report.ablation import ablation_sections
 from pedpred.report.comparison import metrics_now
@@ -23,6 +22,7 @@ from pedpred.report.page.player import Replay, ReplaySettings, replay
 from pedpred.report.places import places_section
 from pedpred.report.rows import PageRows
 from pedpred.report.simulation_page import flow_section
+from pedpred.settings import load, load_together
 from stages.folds import trained_sets
 
 PAGES = ("sim", "real")
@@ -72,9 +72,9 @@ def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote, draw every picture once, write all pages below `out`."""
     out, figures = Path(cfg.get("out", "reports")), metrics_now(Path("reports/metrics"))
     methods = Methods.parse(part(cfg, "report", "methods"), cfg.comparison.reference)
-    paper = parsed(Paper, part(cfg, "report", "paper"))
+    paper = load(Paper, part(cfg, "report", "paper"))
     with configured("report.page"):
-        page, shown = parsed_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
+        page, shown = load_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
     studies = {name: expanded(plain(folds), cfg.places) for name, folds in cfg.folds.items()}
     evaluated = {study: gather(study, folds) for study, folds in studies.items()}
     pages = {study: evaluated[study] for study in PAGES if study in evaluated}

@@ -16,10 +16,10 @@ from omegaconf import DictConfig
 from pedpred.config import SETS, configured, one_of, plain, row, stage, stage_key
 from pedpred.features import extract_blocks
 from pedpred.features.perception import Perception, perceived
-from pedpred.fields import parsed
 from pedpred.models.features import RowFormat
 from pedpred.scenes import VARIANTS
 from pedpred.sequences import SequenceSets, collect_world_steps
+from pedpred.settings import load
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
 from pedpred.situations import (
@@ -63,7 +63,7 @@ def recipe_of(cfg: DictConfig, model: str) -> Recipe:
         replace(protocol, noncausal=False), model, features_of(cfg, model)
     )  # true states need no differences
     with configured("situations.rows"):
-        return Recipe(parsed(RowSettings, plain(cfg.situations.rows)), made_with, how.standstill_mps)
+        return Recipe(load(RowSettings, plain(cfg.situations.rows)), made_with, how.standstill_mps)
 
 
 def steps_of_scenes(cfg: DictConfig, model: str, kind: str, key: str, out: Path) -> RowSet:
@@ -103,7 +103,7 @@ def shard_name(folder: Path, variant: str) -> str:
 def steps_of_worlds(cfg: DictConfig, model: str, out: Path) -> RowSet:
     """All steps of simulated worlds through random sensors."""
     with configured("sequences"):
-        sets = parsed(SequenceSets, plain(cfg.sequences))
+        sets = load(SequenceSets, plain(cfg.sequences))
     worlds, recipe = worlds_of(cfg), recipe_of(cfg, model)
     todo = [(kind, number) for kind, count in sets.worlds.items() for number in range(count)]
     tasks = [(write_world_steps, out, *world, *worlds, recipe) for world in todo]
@@ -146,11 +146,13 @@ def write_instants(
 def instants_of_worlds(cfg: DictConfig, model: str, key: str, out: Path) -> RowSet:
     """Instants of worlds, or of simulated scenes."""
     with configured(f"situations.simulated.{key}"):
-        chosen = parsed(SimulatedSet, plain(cfg.situations.simulated[key]))
+        chosen = load(SimulatedSet, plain(cfg.situations.simulated[key]))
     (worlds, sensing), recipe = worlds_of(cfg), recipe_of(cfg, model)
     if chosen.kind == "arrangement":
         folders = scene_folders(Path(chosen.input))[: chosen.worlds]
-        tasks = [(folder.name, scene_rows, folder, chosen, sensing, recipe) for folder in folders]
+        tasks: list[tuple[Any, ...]] = [
+            (folder.name, scene_rows, folder, chosen, sensing, recipe) for folder in folders
+        ]
     else:
         numbers = range(chosen.worlds)
         tasks = [(f"{key}_{n:03}", collect_world_rows, n, chosen, worlds, sensing, recipe) for n in numbers]
@@ -166,9 +168,9 @@ def instants_of_place(cfg: DictConfig, model: str, key: str, out: Path) -> RowSe
     """Instants of the viewings of a place; none where no real people were recorded, nor of stand-ins."""
     sensor, recipe = cfg.places[key].sensor, recipe_of(cfg, model)
     with configured(f"sensors.{sensor}"):
-        rate_hz = parsed(SensorSettings, row(cfg, "sensors", sensor)).rate_hz
+        rate_hz = load(SensorSettings, row(cfg, "sensors", sensor)).rate_hz
     with configured("situations.real"):
-        settings = parsed(ViewingSettings, plain(cfg.situations.real))
+        settings = load(ViewingSettings, plain(cfg.situations.real))
     folder = SCENES / "real" / key
     scene = read_scene(folder)
     numbers = range(0 if scene.unavailable or scene.stand_in else settings.viewings)

@@ -11,9 +11,9 @@ import torch
 from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, part, stage, stage_key
-from pedpred.fields import check_ranges, parsed, parsed_together
 from pedpred.models.contract import NetworkSettings
 from pedpred.models.registry import parse_settings
+from pedpred.settings import Settings, load, load_together
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.shards import has_rows
 from pedpred.storage.situations import read_situations_manifest
@@ -30,7 +30,7 @@ NONE = "data/config.checked"
 
 
 @dataclass(frozen=True)
-class Training:
+class Training(Settings):
     """A row of conf/trainings, see there.
 
     Attributes:
@@ -53,9 +53,6 @@ class Training:
     curves: str
     folds: str = ""
 
-    def __post_init__(self) -> None:
-        check_ranges(self, {})
-
 
 Phase = tuple[SequenceSettings | InstantSettings, NamedSets | RealShare | None]
 """How a network is trained, and what the phase says about its sets."""
@@ -65,7 +62,7 @@ def training_of(cfg: Mapping[str, Any], name: str) -> Training:
     """Read a row of `trainings`."""
     one_of("name", name, cfg["trainings"])
     with configured(f"trainings.{name}"):
-        row: Training = parsed(Training, part(cfg, "trainings", name))
+        row: Training = load(Training, part(cfg, "trainings", name))
     return row
 
 
@@ -73,7 +70,7 @@ def device_of(cfg: DictConfig) -> DeviceSettings:
     """Read where to train; sets the number of threads."""
     with configured("training"):
         values = {field.name: cfg.training[field.name] for field in fields(DeviceSettings)}
-        device: DeviceSettings = parsed(DeviceSettings, values)
+        device: DeviceSettings = load(DeviceSettings, values)
     torch.set_num_threads(device.threads)
     return device
 
@@ -91,7 +88,7 @@ def phase_of(cfg: Mapping[str, Any], phase: str) -> Phase:
     how = InstantSettings if "shares" in options else SequenceSettings
     with configured(f"training.{phase}"):
         kinds = [kind for kind, name in ((NamedSets, "sets"), (RealShare, "real_share")) if name in options]
-        settings, *data = parsed_together([how, *kinds], options)
+        settings, *data = load_together([how, *kinds], options)
     return settings, data[0] if data else None
 
 
@@ -130,7 +127,7 @@ def train(
         sets = [] if simulation else recorded_sets(cfg, fold, rows, isinstance(settings, SequenceSettings))
     if isinstance(settings, InstantSettings):
         shares = {f"simulated/{key}": share for key, share in settings.shares.items()}
-        settings = replace(settings, shares=mix_shares(shares, sets, data.real_share if data else 0.0))
+        settings = replace(settings, shares=mix_shares(shares, sets, getattr(data, "real_share", 0.0)))
         sets = list(settings.shares)
     elif not sets:
         assert previous is not None

@@ -9,8 +9,8 @@ from typing import Any
 
 from pedpred.config import configured, part
 from pedpred.errors import ConfigError
-from pedpred.fields import parsed
 from pedpred.files import read_yaml
+from pedpred.settings import load
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
 
 
@@ -27,9 +27,9 @@ def worlds_of(cfg: Mapping[str, Any]) -> tuple[WorldSettings, SensingSettings]:
             if isinstance(kind, dict) and "duration_s" in kind:
                 kind["duration_s"] = row["duration_s"]
     with configured(row["ranges"]):
-        worlds: WorldSettings = parsed(WorldSettings, tables["ranges"])
+        worlds: WorldSettings = load(WorldSettings, tables["ranges"])
     with configured(row["sensing"]):
-        return worlds, parsed(SensingSettings, tables["sensing"])
+        return worlds, load(SensingSettings, tables["sensing"])
 
 
 def read_table(row: Mapping[str, Any], key: str) -> dict[str, Any]:

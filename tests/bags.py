@@ -29,8 +29,29 @@ DEFINITIONS = {
     "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
     "vision_msgs/msg/Detection3D": "std_msgs/Header header\nvision_msgs/BoundingBox3D bbox\nstring id",
     "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nvision_msgs/Detection3D[] detections",
+    "leg_tracker/msg/Person": "geometry_msgs/Pose pose\nuint32 id",
+    "leg_tracker/msg/PersonArray": "std_msgs/Header header\nleg_tracker/Person[] people",
+    "unique_identifier_msgs/msg/UUID": "uint8[16] uuid",
+    "nav2_dynamic_msgs/msg/Obstacle": "unique_identifier_msgs/UUID uuid\ngeometry_msgs/Point position",
+    "nav2_dynamic_msgs/msg/ObstacleArray": "std_msgs/Header header\nnav2_dynamic_msgs/Obstacle[] obstacles",
+    "zed_msgs/msg/Object": "string label\nint16 label_id\nfloat32[3] position",
+    "zed_msgs/msg/ObjectsStamped": "std_msgs/Header header\nzed_msgs/Object[] objects",
 }
 """The used fields of each type, as its package defines them."""
+
+LISTS = {
+    "people_msgs/msg/People": ("people", "people_msgs/msg/Person"),
+    "people_msgs/msg/PositionMeasurementArray": ("people", "people_msgs/msg/PositionMeasurement"),
+    "spencer_tracking_msgs/msg/TrackedPersons": ("tracks", "spencer_tracking_msgs/msg/TrackedPerson"),
+    "hunav_msgs/msg/Agents": ("agents", "hunav_msgs/msg/Agent"),
+    "pedsim_msgs/msg/AgentStates": ("agent_states", "pedsim_msgs/msg/AgentState"),
+    "vision_msgs/msg/Detection3DArray": ("detections", "vision_msgs/msg/Detection3D"),
+    "geometry_msgs/msg/PoseArray": ("poses", "geometry_msgs/msg/Pose"),
+    "leg_tracker/msg/PersonArray": ("people", "leg_tracker/msg/Person"),
+    "nav2_dynamic_msgs/msg/ObstacleArray": ("obstacles", "nav2_dynamic_msgs/msg/Obstacle"),
+    "zed_msgs/msg/ObjectsStamped": ("objects", "zed_msgs/msg/Object"),
+}
+"""Message of people -> its list, and the type of a person in it."""
 
 PATHS = {3: [(0.0, 1.0), (0.5, 1.0), (1.0, 1.5)], 8: [(4.0, 0.0), (3.5, 0.1), (3.0, 0.2)]}
 
@@ -42,7 +63,8 @@ class Store:
         self.ros1 = kind == Stores.ROS1_NOETIC
         self.types = get_typestore(kind)
         for name, fields in DEFINITIONS.items():
-            self.types.register(get_types_from_msg(fields, name))
+            if name not in self.types.fielddefs:
+                self.types.register(get_types_from_msg(fields, name))
 
     def make(self, kind, **fields):
         return self.types.types[kind](**fields)
@@ -59,35 +81,52 @@ class Store:
 
     def people(self, kind, time_s, frame="map"):
         """The people of PATHS at a multiple of half a second."""
-        here = {who: self.pose(*path[round(2 * time_s)]) for who, path in PATHS.items()}
-        one, field = {
-            "people_msgs/msg/People": ("people_msgs/msg/Person", "people"),
-            "people_msgs/msg/PositionMeasurementArray": ("people_msgs/msg/PositionMeasurement", "people"),
-            "spencer_tracking_msgs/msg/TrackedPersons": ("spencer_tracking_msgs/msg/TrackedPerson", "tracks"),
-            "hunav_msgs/msg/Agents": ("hunav_msgs/msg/Agent", "agents"),
-            "pedsim_msgs/msg/AgentStates": ("pedsim_msgs/msg/AgentState", "agent_states"),
-            "vision_msgs/msg/Detection3DArray": ("vision_msgs/msg/Detection3D", "detections"),
-            "geometry_msgs/msg/PoseArray": (None, "poses"),
-        }[kind]
         header = self.header(time_s, frame)
-        several = [pose if one is None else self._one(one, who, pose, header) for who, pose in here.items()]
+        field, one = LISTS[kind]
+        here = {who: self.pose(*path[round(2 * time_s)]) for who, path in PATHS.items()}
+        several = [self.person(one, who, pose, header) for who, pose in here.items()]
         return self.make(kind, header=header, **{field: several})
 
-    def _one(self, kind, who, pose, header):
-        if kind.endswith("Person") and "people" in kind:
-            return self.make(kind, name=str(who), position=pose.position, velocity=pose.position)
-        if kind.endswith("PositionMeasurement"):
-            return self.make(kind, header=header, object_id=str(who), pos=pose.position)
-        if kind.endswith("TrackedPerson"):
-            sure = self.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36))
-            return self.make(kind, track_id=who, pose=sure)
-        if kind.endswith("AgentState"):
-            return self.make(kind, id=who, pose=pose)
-        if kind.endswith("Agent"):
-            return self.make(kind, id=who, name="somebody", position=pose)
+    def person(self, kind, who, pose, header):
+        """A person in a list of people, of one of the types of LISTS."""
+        at = pose.position
+        fields = {
+            "geometry_msgs/msg/Pose": lambda: vars(pose),
+            "people_msgs/msg/Person": lambda: {"name": str(who), "position": at, "velocity": at},
+            "people_msgs/msg/PositionMeasurement": lambda: {
+                "header": header,
+                "object_id": str(who),
+                "pos": at,
+            },
+            "spencer_tracking_msgs/msg/TrackedPerson": lambda: {"track_id": who, "pose": self.sure(pose)},
+            "hunav_msgs/msg/Agent": lambda: {"id": who, "name": "agent", "position": pose},
+            "pedsim_msgs/msg/AgentState": lambda: {"id": who, "pose": pose},
+            "vision_msgs/msg/Detection3D": lambda: {
+                "header": header,
+                "bbox": self.box(pose),
+                "id": str(who),
+            },
+            "leg_tracker/msg/Person": lambda: {"id": who, "pose": pose},
+            "nav2_dynamic_msgs/msg/Obstacle": lambda: {"uuid": self.uuid(who), "position": at},
+            "zed_msgs/msg/Object": lambda: {
+                "label": "Person",
+                "label_id": who,
+                "position": np.array([at.x, at.y, at.z], np.float32),
+            },
+        }
+        given = fields[kind]()
+        return self.make(kind, **{name: value for name, value in given.items() if name != "__msgtype__"})
+
+    def sure(self, pose):
+        return self.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36))
+
+    def box(self, pose):
         size = self.make("geometry_msgs/msg/Vector3", x=1.0, y=1.0, z=1.0)
-        box = self.make("vision_msgs/msg/BoundingBox3D", center=pose, size=size)
-        return self.make(kind, header=header, bbox=box, id=str(who))
+        return self.make("vision_msgs/msg/BoundingBox3D", center=pose, size=size)
+
+    def uuid(self, number):
+        given = np.frombuffer(int(number).to_bytes(16, "big"), np.uint8)
+        return self.make("unique_identifier_msgs/msg/UUID", uuid=given)
 
     def grid(self, frame="map"):
         """Three by two cells of half a metre; the one at (1, 0) is occupied, the next one unknown."""
@@ -132,9 +171,18 @@ class Filled(Store):
         if node.name == "NAME":
             return self.make(about)
         (inner, name), size = about
-        if inner.name == "NAME" or name[0] == "string":
+        if inner.name == "NAME":
+            return [self.make(name) for _ in range(size)]
+        if name[0] == "string":
             return []
         return np.zeros(size, name[0])
+
+
+def tracks_of(kind):
+    """The numbers of the two tracks of PATHS: ids, names that are no numbers, or assigned ones."""
+    return {"geometry_msgs/msg/PoseArray": (1, 2), "nav2_dynamic_msgs/msg/ObstacleArray": (-1, -2)}.get(
+        kind, tuple(PATHS)
+    )
 
 
 def stream(store, kind, frame="map"):
@@ -160,7 +208,7 @@ def bag(store, path, *instants, frame="map", kind=PEOPLE, grid=True):
     for time_s, people in instants:
         header = store.header(time_s, frame)
         here = people.items() if isinstance(people, dict) else people
-        several = [store._one("people_msgs/msg/Person", who, store.pose(*at), header) for who, at in here]
+        several = [store.person("people_msgs/msg/Person", who, store.pose(*at), header) for who, at in here]
         messages.append(("/people", kind, store.make(kind, header=header, people=several)))
     store.write(path, messages)
     return path
@@ -186,7 +234,7 @@ def _two_people(store, time_s, frame, seen):
         x, y, z = map(float, seen(at, time_s))
         pose = store.pose(x, y)
         pose.position.z = z
-        several.append(store._one("people_msgs/msg/Person", who, pose, header))
+        several.append(store.person("people_msgs/msg/Person", who, pose, header))
     return store.make(PEOPLE, header=header, people=several)
 
 

@@ -2,7 +2,6 @@
 
 import sqlite3
 from contextlib import closing
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,31 +11,105 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, Header
 from mcap.writer import MCAP0_MAGIC, CompressionType
 from rosbags import rosbag1, rosbag2
-from rosbags.highlevel import AnyReader
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores
 
 from pedpred.command import main
+from pedpred.command.recordings import open_scene
 from pedpred.errors import InputError
-from pedpred.ros import ADAPTERS, TrackNumbers, read_bag, unpacking, write_recording
+from pedpred.ros import PEOPLE_FIELDS, read_bag, unpacking, write_recording
+from pedpred.ros.definitions import EDITIONS
 from pedpred.storage.scenes import read_scene, write_scene
-from tests.bags import PATHS, PEOPLE, Store, check, repacked, stream
+from tests.bags import PEOPLE, Filled, Store, bag, check, repacked, stream, tracks_of, write_mcap
 from tests.worlds import walled_scene
 
+EVERY_EDITION = [
+    (kind, number)
+    for number, edition in enumerate(EDITIONS)
+    for kind in sorted(PEOPLE_FIELDS)
+    if kind in edition or not number
+]
 
-@pytest.mark.parametrize("kind", sorted(ADAPTERS))
-def test_people_come_in_every_message(kind, ros2, tmp_path):
+
+@pytest.mark.parametrize("kind", sorted(PEOPLE_FIELDS))
+def test_people_of_every_type_are_read(kind, ros2, tmp_path):
     ros2.write(tmp_path / "hall", stream(ros2, kind))
-    check(read_bag(tmp_path / "hall"), (0, 1) if kind.endswith("PoseArray") else tuple(PATHS))
+    check(read_bag(tmp_path / "hall"), tracks_of(kind))
+
+
+@pytest.mark.parametrize(("kind", "edition"), EVERY_EDITION)
+@pytest.mark.parametrize("storage", ["mcap", "db3"])
+def test_every_type_is_known_without_definitions(kind, edition, storage, tmp_path):
+    """In every edition of its package: MCAP with empty schemas, and .db3 as Humble writes them."""
+    store, path = Filled(edition), tmp_path / "hall.mcap"
+    if storage == "mcap":
+        write_mcap(store, path, kind, "cdr", "ros2msg", b"")
+    else:
+        store.write(tmp_path / "hall", stream(store, kind))
+        path = tmp_path / "hall" / "hall.db3"
+        with closing(sqlite3.connect(path)) as base:
+            base.executescript("DROP TABLE message_definitions; UPDATE schema SET schema_version = 3;")
+    has_ids = edition < 2 or "vision" not in kind
+    check(read_bag(path), tracks_of(kind if has_ids else "geometry_msgs/msg/PoseArray"))
+
+
+def test_an_empty_definition_does_not_count(tmp_path):
+    """As rosbag2 writes where a package is not installed."""
+    store = Filled(0)
+    store.write(tmp_path / "hall", stream(store, PEOPLE))
+    with closing(sqlite3.connect(tmp_path / "hall" / "hall.db3")) as base:
+        base.execute("UPDATE message_definitions SET encoding = 'unknown', encoded_message_definition = ''")
+        base.commit()
+    check(read_bag(tmp_path / "hall"))
+
+
+@pytest.mark.parametrize("defined", [True, False])
+def test_messages_of_ros_1_in_mcap_are_read(defined, tmp_path):
+    """As `mcap convert` writes."""
+    store, text = Filled(0, ros1=True), b"yes" if defined else b""
+    check(read_bag(write_mcap(store, tmp_path / "hall.mcap", PEOPLE, "ros1", "ros1msg", text)))
+
+
+def test_another_encoding_is_refused(tmp_path):
+    path = write_mcap(Filled(0), tmp_path / "hall.mcap", PEOPLE, "json", "jsonschema", b"")
+    with pytest.raises(InputError) as error:
+        read_bag(path)
+    assert "json" in error.value.problem
 
 
 def test_every_storage_is_read(ros2, tmp_path):
-    kind = "spencer_tracking_msgs/msg/TrackedPersons"
     old = Store(Stores.ROS1_NOETIC)
-    old.write(tmp_path / "hall.bag", stream(old, kind))
-    ros2.write(tmp_path / "hall", stream(ros2, kind), rosbag2.StoragePlugin.MCAP)
+    old.write(tmp_path / "hall.bag", stream(old, PEOPLE))
+    ros2.write(tmp_path / "hall", stream(ros2, PEOPLE), rosbag2.StoragePlugin.MCAP)
     check(read_bag(tmp_path / "hall.bag"))
     check(read_bag(tmp_path / "hall"))
     check(read_bag(next((tmp_path / "hall").glob("*.mcap")), "/tracks"))
+
+
+@pytest.mark.parametrize(
+    "fields",
+    ["tracks,id=track_id,position=pose.pose.position", "tracks , id=track_id,position=pose.pose.position"],
+)
+def test_people_of_any_type_are_read_by_their_fields(fields, ros2, tmp_path):
+    """Here as if the type were not known; positions alone are assigned."""
+    ros2.write(tmp_path / "hall", stream(ros2, "spencer_tracking_msgs/msg/TrackedPersons"))
+    check(read_bag(tmp_path / "hall", "/tracks", fields=fields))
+    check(read_bag(tmp_path / "hall", "/tracks", fields=fields.replace("id=track_id,", "")), (1, 2))
+
+
+def test_the_command_reads_people_by_their_fields(ros2, tmp_path, capsys):
+    ros2.write(tmp_path / "hall", stream(ros2, "hunav_msgs/msg/Agents"))
+    fields = "agents,id=id,position=position.position"
+    hall = str(tmp_path / "hall")
+    main(["info", hall, "--topic", "/tracks", "--people", fields, "--identities", "assigned"])
+    assert "6 of 2 tracks" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("field", ["agents,position=place", "nobody,position=position", "id,position=x"])
+def test_a_field_that_is_missing_is_named(field, ros2, tmp_path):
+    ros2.write(tmp_path / "hall", stream(ros2, "hunav_msgs/msg/Agents"))
+    with pytest.raises(InputError) as error:
+        read_bag(tmp_path / "hall", "/tracks", fields=field)
+    assert "agents" in str(error.value) or "position" in str(error.value)
 
 
 def test_a_bag_becomes_a_scene_folder_with_another_map(ros2, tmp_path):
@@ -50,45 +123,70 @@ def test_a_bag_becomes_a_scene_folder_with_another_map(ros2, tmp_path):
     np.testing.assert_array_equal(scene.occupancy.occupied, world.occupancy.occupied)
 
 
-def test_a_bag_that_makes_no_scene_says_why(ros2, tmp_path):
-    kind = "hunav_msgs/msg/Agents"
-    ros2.write(tmp_path / "empty", [("/map", "nav_msgs/msg/OccupancyGrid", ros2.grid())])
-    with pytest.raises(InputError, match=r"no topic carries people.*map"):
-        read_bag(tmp_path / "empty")
-    ros2.write(tmp_path / "two", [*stream(ros2, kind), ("/more", kind, ros2.people(kind, 0.5))])
-    with pytest.raises(InputError, match=r"several topics.*/more"):
-        read_bag(tmp_path / "two")
-    check(read_bag(tmp_path / "two", "/tracks"))
-    ros2.write(tmp_path / "moved", stream(ros2, kind, "odom"))
-    with pytest.raises(InputError, match=r"people in 'odom', map in 'map'.*pose of the people's frame"):
-        read_bag(tmp_path / "moved")
-    (tmp_path / "torn.bag").write_bytes(b"#ROSBAG V2.0\nnothing")
-    with pytest.raises(InputError, match=r"torn\.bag"):
-        read_bag(tmp_path / "torn.bag")
-
-
-def test_names_that_are_no_numbers_become_some():
-    names = TrackNumbers()
-    assert [names.number(name) for name in ("7", "anna", 12, "ben", "anna")] == [7, -1, 12, -2, -1]
-
-
-def test_the_standard_types_read_every_standard_message_of_a_recording(tmp_path):
-    """With the types of ROS 2 Humble instead of the definitions in the file."""
+def test_a_recording_that_is_read_as_a_bag_has_its_people(tmp_path):
     scene = walled_scene(np.random.default_rng(0), detections=20)
     write_recording(scene, tmp_path / "hall.mcap")
-    standard, read = get_typestore(Stores.ROS2_HUMBLE), SimpleNamespace(standard=0, people=0)
-    with AnyReader([tmp_path / "hall.mcap"]) as bag:
-        for connection, time_ns, raw in bag.messages():
-            if connection.msgtype in standard.types:
-                message = standard.deserialize_cdr(raw, connection.msgtype)
-                read.standard += 1
-            else:
-                message = bag.deserialize(raw, connection.msgtype)
-                read.people += len(message.people)
-                assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == time_ns
-            assert message.__msgtype__ == connection.msgtype
-    assert read.people == len(scene.trajectories)
-    assert read.standard == 2 + len(np.unique(scene.trajectories.time_s))
+    found = open_scene(tmp_path / "hall.mcap")
+    np.testing.assert_array_equal(found.trajectories.track_id, scene.trajectories.track_id)
+    np.testing.assert_array_equal(found.trajectories.position, scene.trajectories.position)
+    np.testing.assert_array_equal(found.occupancy.occupied, scene.occupancy.occupied)
+
+
+def test_a_bag_that_makes_no_scene_is_refused(ros2, tmp_path):
+    kind = "hunav_msgs/msg/Agents"
+    ros2.write(tmp_path / "empty", [("/map", "nav_msgs/msg/OccupancyGrid", ros2.grid())])
+    ros2.write(tmp_path / "two", [*stream(ros2, kind), ("/more", kind, ros2.people(kind, 0.5))])
+    ros2.write(tmp_path / "moved", stream(ros2, kind, "odom"))
+    (tmp_path / "torn.bag").write_bytes(b"#ROSBAG V2.0\nnothing")
+    (tmp_path / "old.bag").write_bytes(b"#ROSBAG V1.2\nold")
+    remedies = {
+        "empty": "--people",
+        "two": "--topic",
+        "moved": "--transform",
+        "torn.bag": "rosbag reindex",
+        "old.bag": "rosbag fix",
+    }
+    for name, remedy in remedies.items():
+        with pytest.raises(InputError) as error:
+            read_bag(tmp_path / name)
+        assert name in str(error.value)
+        assert remedy in str(error.value)
+    check(read_bag(tmp_path / "two", "/tracks"))
+
+
+# Order and time
+
+
+def walk(start_s, count=40):
+    return [(start_s + k / 10, {"3": (k / 10, 1.0), "8": (9.0, k / 10)}) for k in range(count)]
+
+
+def test_messages_that_come_late_are_sorted(ros2, tmp_path):
+    steps = walk(100.0)
+    steps[5], steps[6], steps[20], steps[28] = steps[6], steps[5], steps[28], steps[20]
+    people = read_bag(bag(ros2, tmp_path / "hall", *steps)).trajectories
+    np.testing.assert_allclose(people.position[people.track_id == 3, 0], np.arange(40) / 10)
+
+
+def test_a_recording_that_restarts_is_refused(ros2, tmp_path):
+    with pytest.raises(InputError) as error:
+        read_bag(bag(ros2, tmp_path / "hall", *walk(100.0), *walk(100.0)))
+    assert "split" in str(error.value)
+
+
+def test_times_without_stamps_are_those_of_the_bag(ros2, tmp_path):
+    steps = [(0.0, people) for _, people in walk(100.0)]
+    people = read_bag(bag(ros2, tmp_path / "hall", *steps)).trajectories
+    np.testing.assert_allclose(np.unique(people.time_s), np.arange(1, 41) / 1e9)
+
+
+def test_times_that_are_no_seconds_are_refused(ros2, tmp_path):
+    steps = [(100.0 * k, {"3": (0.1 * k, 0.0)}) for k in range(20)]
+    with pytest.raises(InputError):
+        read_bag(bag(ros2, tmp_path / "hall", *steps))
+
+
+# Sizes
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))
@@ -100,31 +198,22 @@ def test_chunks_may_be_compressed_in_every_way(compression, tmp_path):
     np.testing.assert_array_equal(found, world.trajectories.track_id)
 
 
-@pytest.mark.parametrize("compression", ["", "lz4", "zstd"])
+@pytest.mark.parametrize("compression", ["lz4", "zstd"])
 @pytest.mark.parametrize("honest", [True, False])
 def test_a_chunk_that_would_fill_the_memory_is_refused(compression, honest, tmp_path):
     """Whether it declares its size or not; half a gigabyte of zeros is half a megabyte of lz4."""
     held = 2**29
-    squeezed = {"": lambda: b"\0", "lz4": lambda: lz4_of_zeros(held), "zstd": lambda: zstd_of_zeros(held)}
-    with (tmp_path / "bomb.mcap").open("wb") as stream:
-        stream.write(MCAP0_MAGIC)
+    squeezed = {"lz4": lz4_of_zeros, "zstd": zstd_of_zeros}
+    with (tmp_path / "bomb.mcap").open("wb") as file:
+        file.write(MCAP0_MAGIC)
         builder = RecordBuilder()
         Header("ros2", "").write(builder)
-        claimed = held if honest or not compression else 1
-        Chunk(compression, squeezed[compression](), 0, 0, 0, claimed).write(builder)
-        stream.write(builder.end())
-        stream.write(MCAP0_MAGIC)
-    with pytest.raises(InputError, match=r"bomb\.mcap.*at most 134217728 bytes"):
+        Chunk(compression, squeezed[compression](held), 0, 0, 0, held if honest else 1).write(builder)
+        file.write(builder.end())
+        file.write(MCAP0_MAGIC)
+    with pytest.raises(InputError) as error:
         read_bag(tmp_path / "bomb.mcap")
-
-
-def write_compressed(version, compression, path):
-    """Write a bag whose chunks (ROS 1) or messages (ROS 2) are compressed."""
-    store = Store(version)
-    ros2 = {"version": 9, "storage_plugin": rosbag2.StoragePlugin.SQLITE3}
-    writer = rosbag1.Writer(path) if store.ros1 else rosbag2.Writer(path, **ros2)
-    writer.set_compression(*compression)
-    store.fill(writer, stream(store, PEOPLE))
+    assert f"at most {unpacking.LARGEST_CHUNK_BYTES} bytes" in str(error.value)
 
 
 COMPRESSED = {
@@ -135,30 +224,19 @@ COMPRESSED = {
 
 
 @pytest.mark.parametrize("kind", COMPRESSED)
-def test_what_is_compressed_inside_a_bag_is_unpacked_within_the_bound(kind, tmp_path, monkeypatch):
+def test_chunks_and_messages_are_unpacked_within_the_bound(kind, tmp_path, monkeypatch):
     path = tmp_path / ("hall" if kind == "zstd" else "hall.bag")
-    write_compressed(*COMPRESSED[kind], path)
-    for whole in (path, *path.glob("*.db3")):  # also where no metadata.yaml says so
-        check(read_bag(whole))
+    version, compression = COMPRESSED[kind]
+    store = Store(version)
+    ros2 = {"version": 9, "storage_plugin": rosbag2.StoragePlugin.SQLITE3}
+    writer = rosbag1.Writer(path) if store.ros1 else rosbag2.Writer(path, **ros2)
+    writer.set_compression(*compression)
+    store.fill(writer, stream(store, PEOPLE))
+    check(read_bag(path))
     monkeypatch.setattr(unpacking, "LARGEST_CHUNK_BYTES", 60)
-    with pytest.raises(InputError, match=rf"{path.name}.*at most 60 bytes"):
+    with pytest.raises(InputError) as error:
         read_bag(path)
-
-
-def test_one_message_that_would_unpack_to_too_much_refuses_the_bag(tmp_path, monkeypatch):
-    """It is not damaged, and is not left out like one that is."""
-    write_compressed(*COMPRESSED["zstd"], tmp_path / "hall")
-    within, sizes = unpacking.check_unpacked, []
-
-    def checked(size):
-        monkeypatch.setattr(unpacking, "LARGEST_CHUNK_BYTES", 60 if len(sizes) == 1 else 2**27)
-        sizes.append(size)
-        within(size)
-
-    monkeypatch.setattr(unpacking, "check_unpacked", checked)
-    with pytest.raises(InputError, match=r"hall.*at most 60 bytes"):
-        read_bag(tmp_path / "hall")
-    assert len(sizes) == 2
+    assert "at most 60 bytes" in str(error.value)
 
 
 def lz4_of_zeros(count):
@@ -174,21 +252,17 @@ def zstd_of_zeros(count):
 @pytest.mark.parametrize(
     "computed",
     [
-        "CREATE VIEW schema AS WITH RECURSIVE n(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM n) "
-        "SELECT x AS schema_version FROM n WHERE x < 0",
         "CREATE VIEW more AS SELECT 1",
         "CREATE TABLE large (x, data GENERATED ALWAYS AS (zeroblob(1000000000)))",
     ],
-    ids=["endless", "view", "computed column"],
+    ids=["view", "computed column"],
 )
-def test_a_bag_whose_tables_are_computed_is_refused(computed, tmp_path):
-    """The first one would be searched for ever for a version that it does not hold."""
-    store = Store(Stores.ROS2_HUMBLE)
-    store.write(tmp_path / "hall", stream(store, PEOPLE))
+def test_a_database_that_computes_is_refused(computed, ros2, tmp_path):
+    """A view may be searched for ever."""
+    ros2.write(tmp_path / "hall", stream(ros2, PEOPLE))
     with closing(sqlite3.connect(tmp_path / "hall" / "hall.db3")) as base:
-        base.execute("DROP TABLE IF EXISTS schema")
         base.execute(computed)
         base.commit()
-    for path in (tmp_path / "hall", tmp_path / "hall" / "hall.db3"):
-        with pytest.raises(InputError, match=r"hall.*nothing that is computed"):
-            read_bag(path)
+    with pytest.raises(InputError) as error:
+        read_bag(tmp_path / "hall")
+    assert "computed" in str(error.value)

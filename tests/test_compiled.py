@@ -1,4 +1,4 @@
-"""Compiled loops: one thread, whoever calls them; the first time is announced and takes seconds."""
+"""Compiled loops run in the calling thread; compiling is announced once."""
 
 import os
 import subprocess
@@ -59,7 +59,7 @@ def run(script, **environment):
     return subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, check=False)
 
 
-def test_loops_are_compiled_in_one_way():
+def test_only_one_module_imports_numba():
     sources = (Path(__file__).parents[1] / "pedpred").rglob("*.py")
     assert [path.name for path in sources if "from numba" in path.read_text()] == ["compiled.py"]
 

@@ -12,12 +12,13 @@ import pytest
 
 import pedpred
 from pedpred.command import driving, main
+from pedpred.command.recordings import open_scene
 from pedpred.driving.figures import Episodes, equal_time, figures_of, summary
 from pedpred.driving.measures import Measures
 from pedpred.driving.table import Condition, Row, read_table, write_table
-from pedpred.ros import read_recording
 from tests.conftest import ROOT
 
+MODEL = ROOT / "models/online/default"
 CORNER = str(ROOT / "examples" / "corner" / "people.mcap")
 
 
@@ -91,10 +92,10 @@ def test_drives_of_two_processes_that_are_interrupted_go_on_where_they_were(tmp_
 def test_drives_of_other_settings_are_not_added(tmp_path):
     options = "--episodes", "1", "--method", "standing"
     driven(tmp_path / "table.csv", *options)
-    with pytest.raises(SystemExit, match="another recording, map, robot"):
+    with pytest.raises(SystemExit):
         driven(tmp_path / "table.csv", *options, "--seed", "1")
     (tmp_path / "table.csv").write_text("place,robot\nhere,there\n")
-    with pytest.raises(SystemExit, match="line 2 is not a row"):
+    with pytest.raises(SystemExit):
         driven(tmp_path / "table.csv", *options)
 
 
@@ -126,7 +127,7 @@ def test_drives_that_another_run_adds_meanwhile_stay(tmp_path, beside):
 def test_drives_of_other_settings_that_are_added_meanwhile_stay(tmp_path, beside):
     table, few = tmp_path / "table.csv", ("--episodes", "2", "--method", "standing")
     beside(lambda: driven(table, *few, "--radius-m", "0.4"))
-    with pytest.raises(SystemExit, match="its drives are of another recording, map, robot"):
+    with pytest.raises(SystemExit):
         driven(table, *few)
     assert table.read_bytes() == driven(tmp_path / "whole.csv", *few, "--radius-m", "0.4")
 
@@ -135,7 +136,7 @@ def test_drives_of_another_version_are_not_added(tmp_path, monkeypatch):
     options = "--episodes", "1", "--method", "standing"
     driven(tmp_path / "table.csv", *options)
     monkeypatch.setattr(pedpred, "__version__", "0.0.1", raising=False)
-    with pytest.raises(SystemExit, match=r"another recording, .* or version"):
+    with pytest.raises(SystemExit):
         driven(tmp_path / "table.csv", *options)
 
 
@@ -145,7 +146,7 @@ def test_drives_of_another_version_are_not_added(tmp_path, monkeypatch):
 def test_what_is_no_table_of_drives_is_named_and_stays(content, tmp_path):
     table = tmp_path / "table.csv"
     table.write_bytes(content)
-    with pytest.raises(SystemExit, match=r"table\.csv, table: .* Name another table"):
+    with pytest.raises(SystemExit, match=r"table\.csv"):
         driven(table, "--episodes", "1", "--method", "standing")
     assert table.read_bytes() == content
 
@@ -153,73 +154,49 @@ def test_what_is_no_table_of_drives_is_named_and_stays(content, tmp_path):
 def test_an_episode_is_recorded_with_the_robot(tmp_path):
     recording = tmp_path / "episode.mcap"
     main(["drive", CORNER, "--record", str(recording)])
-    scene = read_recording(recording)
-    people = scene.trajectories
+    people = open_scene(recording).trajectories
     robot = people.track_id == people.track_id.max()
     assert np.hypot(*np.ptp(people.position[robot], axis=0)) > 3.0
-    for wrong in (
-        ["--record", "episode.csv"],
-        ["--record", "other.mcap", "--method", "true_future"],
-        ["--curves", "curves.svg"],
-        ["--world", "corridor"],
-    ):
-        with pytest.raises(SystemExit, match=r"--record|--method|--curves|--world"):
-            main(["drive", CORNER, *wrong])
-    with pytest.raises(SystemExit, match="name either a scene or --world"):
-        main(["drive"])
 
 
 @pytest.mark.parametrize(
-    ("place", "option"),
+    ("place", "options"),
     [
+        ("", ""),
+        (CORNER, "--world corridor"),
         ("--world room", "--map people.mcap"),
         ("--world room", "--no-map"),
         ("--world room", "--rate 5"),
-        ("--world room", "--transform 1 2 3"),
         ("--world room", "--open-end 0 0 1 1"),
         (CORNER, "--people react"),
         (CORNER, "--episode 3"),
-        (f"{CORNER} --record x.png", "--table drives.csv"),
-        (f"{CORNER} --record x.png", "--episodes 3"),
-        (f"{CORNER} --record x.png", "--processes 2"),
+        (CORNER, "--curves curves.svg"),
+        (CORNER, "--table one.png --curves ./one.png"),
+        (CORNER, "--record x.png --table drives.csv"),
+        (CORNER, "--record x.png --episodes 3"),
+        (CORNER, "--record x.png --curves curves.png"),
+        (CORNER, "--record x.csv"),
+        (CORNER, "--record x.mcap --method true_future"),
+        (CORNER, "--record x.mcap --method kalman --method modes"),
+        (CORNER, "--record x.mcap --risk 0.1 0.2"),
+        (CORNER, f"--record x.mcap --compare other={MODEL}"),
+        (CORNER, "--compare other=nowhere"),
+        (CORNER, "--compare other"),
+        (CORNER, f"--compare modes={MODEL}"),
+        (
+            CORNER,
+            f"--compare o={MODEL} --compare o={MODEL}",
+        ),
+        (CORNER, "--speed-mps 5.7"),
     ],
 )
-def test_an_option_without_a_meaning_is_refused_before_a_drive(place, option, tmp_path, monkeypatch):
+def test_options_that_contradict_each_other_are_refused(place, options, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(driving, "open_scene", lambda *given: pytest.fail("a recording is read"))
     (tmp_path / "people.mcap").touch()
-    with pytest.raises(SystemExit, match=rf"{option.split()[0]} = .* it is about|walk as they did"):
-        main(["drive", *place.split(), *option.split()])
+    with pytest.raises(SystemExit):
+        main(["drive", *place.split(), *options.split()])
     assert [path.name for path in tmp_path.iterdir()] == ["people.mcap"]
-
-
-@pytest.mark.parametrize("options", ["--method kalman --method modes", "--risk 0.1 0.2"])
-def test_a_recording_holds_one_drive(options, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit, match=r"--record = .* at 0\.1, modes at .* holds one drive"):
-        main(["drive", str(CORNER), "--record", "x.mcap", *options.split()])
-    assert not list(tmp_path.iterdir())
-
-
-def test_what_to_leave_out_of_a_recording_is_named(tmp_path):
-    options = "--record", str(tmp_path / "x.mcap"), "--method", "modes", "--risk", "0.1"
-    with pytest.raises(SystemExit, match=r"other at 0\.1'.* one --method and one --risk, and no --compare"):
-        main(["drive", CORNER, *options, "--compare", f"other={ROOT / 'models/online/default'}"])
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_picture_of_curves_is_not_the_table_and_needs_one(tmp_path):
-    picture = str(tmp_path / "curves.png")
-    for other in (["--table", str(tmp_path / "." / "curves.png")], ["--record", str(tmp_path / "one.png")]):
-        with pytest.raises(SystemExit, match="--curves"):
-            main(["drive", CORNER, "--curves", picture, *other])
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("speed_mps", [5.7, 8.0])
-def test_a_robot_that_brakes_for_longer_than_a_manoeuvre_lasts_is_refused(speed_mps, tmp_path):
-    with pytest.raises(SystemExit, match=r"--speed-mps = .* end in standstill: it must be at most 5\.6"):
-        driven(tmp_path / "table.csv", "--episodes", "1", "--speed-mps", str(speed_mps))
-    assert not list(tmp_path.iterdir())
 
 
 def test_one_episode_needs_no_place_for_a_table(tmp_path, monkeypatch):
@@ -231,13 +208,13 @@ def test_one_episode_needs_no_place_for_a_table(tmp_path, monkeypatch):
 
 def test_a_layout_that_cannot_be_written_is_said_before_a_drive(tmp_path):
     (tmp_path / "x.foxglove.json").mkdir()
-    with pytest.raises(SystemExit, match=r"x\.foxglove\.json: .* a folder is there"):
+    with pytest.raises(SystemExit, match=r"x\.foxglove\.json"):
         main(["drive", CORNER, "--record", str(tmp_path / "x.mcap"), "--method", "standing"])
     assert [path.name for path in tmp_path.iterdir()] == ["x.foxglove.json"]
 
 
 def test_a_run_that_drives_nothing_leaves_no_table(tmp_path):
-    with pytest.raises(SystemExit, match="no way of 5 to 10 m"):
+    with pytest.raises(SystemExit):
         driven(tmp_path / "table.csv", "--episodes", "1", "--method", "standing", "--radius-m", "5")
     assert not list(tmp_path.iterdir())
 
@@ -262,7 +239,7 @@ def test_without_matplotlib_a_picture_is_refused_before_work_begins(tmp_path, mo
 
 def test_another_network_is_compared_by_its_name(tmp_path, capsys):
     """The default model beside itself drives the same; a later run adds it to a table without it."""
-    folder, table = ROOT / "models/online/default", tmp_path / "table.csv"
+    folder, table = MODEL, tmp_path / "table.csv"
     options = "--episodes", "1", "--method", "modes", "--risk", "0.1"
     alone = driven(table, *options)
     both = driven(table, *options, "--compare", f"other={folder}")
@@ -270,29 +247,13 @@ def test_another_network_is_compared_by_its_name(tmp_path, capsys):
     assert (other.condition.method, other.measures) == ("other", one.measures)
     assert both.startswith(alone)
     assert "other" in capsys.readouterr().out
-    for wrong, why in (
-        ("modes=" + str(folder), "name of another network"),
-        ("A b=" + str(folder), "name of another"),
-        ("other=nowhere", "no such file"),
-        ("other", "write a name"),
-    ):
-        with pytest.raises(SystemExit) as refused:
-            main(["drive", CORNER, "--compare", wrong])
-        assert why in f"{refused.value}{capsys.readouterr().err}"
-
-
-def test_networks_have_different_names(tmp_path):
-    folder = ROOT / "models/online/default"
-    both = "--compare", f"other={folder}", "--compare", f"other={folder}/../default"
-    with pytest.raises(SystemExit, match=r"--compare = 'other', but .*default is called so: name .*default"):
-        driven(tmp_path / "table.csv", "--episodes", "1", "--method", "standing", *both)
 
 
 def test_drives_of_a_network_that_is_not_named_say_so(tmp_path):
     driven(table := tmp_path / "table.csv", "--episodes", "1", "--method", "standing")
     lines = table.read_text().replace("standing", "other")
     table.write_text(lines)
-    with pytest.raises(SystemExit, match=r"drives of other, a network .* Name its folder \(--compare\)"):
+    with pytest.raises(SystemExit, match="--compare"):
         driven(table, "--episodes", "2", "--method", "standing")
     assert table.read_text() == lines
 
@@ -312,7 +273,7 @@ def test_worlds_are_driven_in_like_a_scene(tmp_path, capsys):
     ]
     main([*asked, "--people", "ignore"])
     assert "square_ignore" in capsys.readouterr().out
-    with pytest.raises(SystemExit, match="another recording, map, robot"):
+    with pytest.raises(SystemExit):
         main(asked)
 
 

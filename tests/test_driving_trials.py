@@ -22,7 +22,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.files import read_json, write_json
 from pedpred.report.canvas import png_bytes
 from pedpred.report.drives import LABELS, answer, curves_figure, drives_section, read_shown
-from pedpred.ros import read_recording
+from pedpred.ros import read_bag
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import write_scene
 from stages import drive, report
@@ -83,7 +83,7 @@ def test_a_page_shows_curves_figures_and_episodes(rows, tmp_path):
     assert text.count("| LSTM |") == 2
     assert drives_section({}).blocks == []
     (recorded,) = (one for one in shown if one.recording)
-    (scene, about), people = recorded.drives[1], read_recording(Path(recorded.recording)).trajectories
+    (scene, about), people = recorded.drives[1], read_bag(Path(recorded.recording)).trajectories
     assert about["method"] == "modes"
     np.testing.assert_allclose(np.sort(people.time_s), np.sort(scene.trajectories.time_s), atol=1e-6)
     robot = scene.trajectories.position[scene.trajectories.track_id == scene.trajectories.track_id.max()]

@@ -1,20 +1,20 @@
-"""Forecasts that somebody else made: numbers of any size in them, in bounded memory."""
+"""Forecasts of other programs in files: tables, and predictions of TrajNet++."""
 
 import json
-import time
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pedpred.command import trajnet
 from pedpred.command.forecast_tables import COLUMNS, write_forecasts
 from pedpred.command.foreign import ForeignForecasts, read_forecasts
 from pedpred.errors import InputError
+from pedpred.reading.names import TrackNames
 from pedpred.scenes import Predictions
 from tests.forecasts import windows_with
 
@@ -25,29 +25,54 @@ def table(tmp_path_factory):
     path = tmp_path_factory.mktemp("foreign") / "theirs.csv"
 
     def write(rows):
-        path.write_text(
-            "\n".join(",".join(map(repr, row)) for row in rows).join([f"{','.join(COLUMNS)}\n", "\n"])
-        )
+        path.write_text("\n".join([",".join(COLUMNS), *(",".join(map(str, row)) for row in rows)]) + "\n")
         return path
 
     return write
 
 
-def test_rows_that_share_no_mode_and_no_step_are_refused_in_bounded_memory(table):
-    path = table([(1, 0.0, number, 1.0, number, 0.0, 0.0) for number in range(1, 3000)])
-    tracemalloc.start()
-    try:
-        with pytest.raises(InputError, match="needs each step from 1 to 2999 once in each of 2999 modes"):
-            read_forecasts(path, None)
-        assert tracemalloc.get_traced_memory()[1] < 20e6
-    finally:
-        tracemalloc.stop()
+def rows_of(tracks=(1,), times_s=(0.0,), modes=2, steps=3):
+    """A table of forecasts: people go along x, the modes apart along y."""
+    return [
+        (track, time_s, mode, 1.0 / modes, step, time_s + 0.3 * step, mode)
+        for track in tracks
+        for time_s in times_s
+        for mode in range(modes)
+        for step in range(1, steps + 1)
+    ]
+
+
+# Tables
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+@pytest.mark.parametrize("modes", [1, 3])
+def test_written_forecasts_are_read_again(tmp_path, kind, modes):
+    rng, steps = np.random.default_rng(0), 4
+    path = rng.uniform(-50, 50, (5, modes, steps, 2))
+    weight = np.sort(rng.dirichlet(np.ones(modes), 5))[:, ::-1]
+    forecasts = Predictions(path[:, 0], path, weight, 0.3)
+    given_ = {"track_id": np.array([7, 7, 8, 9, 9]), "time_s": np.array([0.4, 0.8, 0.4, 0.0, 1.7e9])}
+    windows = windows_with(np.zeros((5, 2)), np.zeros((5, steps, 2)), {}, **given_)
+    file = tmp_path / f"mine.{kind}"
+    write_forecasts(replace(windows, predictions={"mine": forecasts}), "mine", file)
+    found = read_forecasts(file, 0.3)
+    np.testing.assert_array_equal(found.track_id, given_["track_id"])
+    np.testing.assert_allclose(found.time_s, given_["time_s"])
+    np.testing.assert_allclose(found.path, path, atol=1e-4)
+    np.testing.assert_allclose(found.weight, weight, atol=1e-3)
+
+
+@given(st.permutations(rows_of((1, 2), (0.0, 0.4))))
+def test_rows_may_stand_in_any_order(table, rows):
+    usual, found = (read_forecasts(table(some), None) for some in (rows_of((1, 2), (0.0, 0.4)), rows))
+    for name in ("track_id", "time_s", "path", "weight"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(usual, name))
 
 
 @given(st.lists(st.floats(0.0, 1.7e308), min_size=2, max_size=5).filter(any))
 def test_weights_of_any_size_become_shares(table, weights):
     forecasts = read_forecasts(table([(1, 0.0, *pair, 1, 0.0, 0.0) for pair in enumerate(weights)]), None)
-    assert np.isfinite(forecasts.weight).all()
     assert forecasts.weight.sum() == pytest.approx(1.0)
     exact = [weight / max(weights) for weight in sorted(weights, reverse=True)]
     np.testing.assert_allclose(forecasts.weight[0] / forecasts.weight.max(), exact, rtol=1e-12, atol=1e-300)
@@ -55,39 +80,99 @@ def test_weights_of_any_size_become_shares(table, weights):
 
 @given(st.integers(-(2**63), 2**63 - 2))
 def test_forecasts_of_ids_of_64_bits_are_told_apart(table, who):
-    forecasts = read_forecasts(table([(one, 0.0, 0, 1.0, 1, 0.0, 0.0) for one in (who, who + 1)]), None)
+    forecasts = read_forecasts(table(rows_of((who, who + 1))), None)
     assert forecasts.track_id.tolist() == [who, who + 1]
 
 
-def predicted(scenes, fps, path):
+@pytest.mark.parametrize("kind", ["float64", "float32", "int8", "uint16"])
+def test_whole_numbers_in_parquet_may_be_of_any_type(tmp_path, table, kind):
+    """A column that once missed a value, or was merged, is one of floats."""
+    csv = table(rows_of((1, 2)))
+    whole = dict.fromkeys(("track", "mode", "step"), kind)
+    pd.read_csv(csv).astype(whole).to_parquet(tmp_path / "theirs.parquet")
+    usual, found = read_forecasts(csv, None), read_forecasts(tmp_path / "theirs.parquet", None)
+    np.testing.assert_array_equal(found.track_id, usual.track_id)
+    np.testing.assert_array_equal(found.path, usual.path)
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [("x", "a"), ("x", ""), ("x", "inf"), ("y", "nan"), ("step", 0.5), ("track", ""), ("weight", -1.0)],
+)
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_a_value_that_makes_no_forecast_is_refused(column, value, kind, table, tmp_path):
+    wrong = pd.DataFrame(rows_of((1, 2)), columns=list(COLUMNS)).astype({column: object})
+    wrong.loc[4, column] = value
+    path = tmp_path / f"theirs.{kind}"
+    wrong.to_csv(path, index=False) if kind == "csv" else wrong.astype({column: str}).to_parquet(path)
+    with pytest.raises(InputError) as refused:
+        read_forecasts(path, None)
+    assert (f"row 5: {column}" in str(refused.value)) or column == "weight"
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_a_missing_column_is_named(column, tmp_path):
+    rows = pd.DataFrame(rows_of(), columns=list(COLUMNS)).drop(columns=column)
+    rows.to_csv(tmp_path / "theirs.csv", index=False)
+    rows.to_parquet(tmp_path / "theirs.parquet")
+    for kind in ("csv", "parquet"):
+        with pytest.raises(InputError, match=f"column {column}"):
+            read_forecasts(tmp_path / f"theirs.{kind}", None)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [],
+        rows_of((1, 2))[:-1],
+        [*rows_of(), rows_of()[-1]],
+        rows_of()[:-1] + rows_of()[:1],
+        [(*row[:4], row[4] + 1, *row[5:]) for row in rows_of()],
+    ],
+    ids=["none", "a step is missing", "a step is there twice", "one for another", "steps from 2"],
+)
+def test_forecasts_have_the_same_modes_and_steps(rows, table):
+    with pytest.raises(InputError):
+        read_forecasts(table(rows), None)
+
+
+def test_rows_of_different_modes_and_steps_need_little_memory(table):
+    path = table([(1, 0.0, number, 1.0, number, 0.0, 0.0) for number in range(1, 3000)])
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError):
+            read_forecasts(path, None)
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+
+
+# TrajNet++
+
+
+def predicted(path, scenes=1, fps=2.5, others=()):
     """Write scenes with a prediction of one step each."""
     lines = [{"scene": {"id": number, "p": 1, "fps": fps}} for number in range(scenes)]
     track = {"p": 1, "x": 0.0, "y": 0.0, "prediction_number": 0}
     lines += [{"track": {**track, "f": 10 * number, "scene_id": number}} for number in range(scenes)]
-    path.write_text("\n".join(map(json.dumps, lines)))
+    path.write_text("\n".join(map(json.dumps, [*lines, *others])))
     return path
 
 
 @pytest.mark.parametrize("fps", [0, -1, 1e-320, 1e308, float("inf"), float("nan")])
 def test_a_rate_that_no_camera_has_is_refused(fps, tmp_path):
-    rule = "them.ndjson, line 1: .* is not a number" if np.isinf(fps) else "fps of the scenes"
-    with pytest.raises(InputError, match=rule):
-        read_forecasts(predicted(1, fps, tmp_path / "them.ndjson"), None)
+    with pytest.raises(InputError):
+        read_forecasts(predicted(tmp_path / "them.ndjson", fps=fps), None)
 
 
-@pytest.mark.parametrize("nowhere", ["NaN", "null"])
-def test_neighbours_may_have_no_position_and_others_must(nowhere, tmp_path):
-    path = predicted(1, 2.5, tmp_path / "them.ndjson")
-    wanted = read_forecasts(path, None)
-    lost = f'{{"track": {{"f": 10, "p": %d, "x": {nowhere}, "y": {nowhere}, "prediction_number": 0, '
-    lost += '"scene_id": 0}}'
-    text = path.read_text()
-    path.write_text(f"{text}\n{lost % 99}")
-    found = read_forecasts(path, None)
-    np.testing.assert_array_equal(found.time_s, wanted.time_s)
-    path.write_text(f"{text}\n{lost % 1}")
-    with pytest.raises(InputError, match=r"line \d+: a prediction of the pedestrian.*has no position"):
-        read_forecasts(path, None)
+@pytest.mark.parametrize("nowhere", [float("nan"), None])
+def test_neighbours_may_have_no_position_and_primaries_must(nowhere, tmp_path):
+    usual = read_forecasts(predicted(tmp_path / "usual.ndjson"), None)
+    lost = {"f": 10, "p": 99, "x": nowhere, "y": nowhere, "prediction_number": 0, "scene_id": 0}
+    found = read_forecasts(predicted(tmp_path / "them.ndjson", others=[{"track": lost}]), None)
+    np.testing.assert_array_equal(found.time_s, usual.time_s)
+    with pytest.raises(InputError):
+        read_forecasts(predicted(tmp_path / "them.ndjson", others=[{"track": lost | {"p": 1}}]), None)
 
 
 @pytest.mark.parametrize("later", [0, 5, 1000])
@@ -106,41 +191,26 @@ def test_scenes_may_lie_between_the_frames_of_others(later, tmp_path):
     assert found.step_s == 0.4
 
 
-def test_the_number_of_scenes_is_bounded(tmp_path, monkeypatch):
-    monkeypatch.setattr(trajnet, "_MOST_SCENES", 3)
-    assert len(read_forecasts(predicted(3, 2.5, tmp_path / "them.ndjson"), None).time_s) == 3
-    with pytest.raises(InputError, match="line 4: more than 3 scenes"):
-        read_forecasts(predicted(4, 2.5, tmp_path / "them.ndjson"), None)
+@pytest.mark.parametrize("text", ["{}", "[", '{"scene": {"id": 7, "p": 1, "fps": 2.5}}'])
+def test_a_file_without_predictions_is_refused(text, tmp_path):
+    (tmp_path / "them.ndjson").write_text(text)
+    with pytest.raises(InputError):
+        read_forecasts(tmp_path / "them.ndjson", None)
 
 
-@pytest.mark.parametrize("modes", [1, 3])
-def test_forecasts_that_are_written_as_a_table_are_read_again(tmp_path, modes):
-    rng, steps = np.random.default_rng(0), 4
-    path = rng.uniform(-50, 50, (5, modes, steps, 2))
-    weight = np.sort(rng.dirichlet(np.ones(modes), 5))[:, ::-1]
-    forecasts = Predictions(path[:, 0], path, weight, 0.3)
-    given = {"track_id": np.array([7, 7, 8, 9, 9]), "time_s": np.array([0.4, 0.8, 0.4, 0.0, 1.7e9])}
-    windows = windows_with(np.zeros((5, 2)), np.zeros((5, steps, 2)), {}, **given)
-    write_forecasts(replace(windows, predictions={"mine": forecasts}), "mine", tmp_path / "mine.csv")
-    found = read_forecasts(tmp_path / "mine.csv", 0.3)
-    np.testing.assert_array_equal(found.track_id, given["track_id"])
-    np.testing.assert_allclose(found.time_s, given["time_s"])
-    np.testing.assert_allclose(found.path, path, atol=1e-4)
-    np.testing.assert_allclose(found.weight, weight, atol=1e-3)
+# Windows
+
+
+def made(track_id, time_s, names=None):
+    """Forecasts of some people at some instants, all alike."""
+    paths, weights = np.zeros((len(track_id), 1, 1, 2)), np.ones((len(track_id), 1))
+    return ForeignForecasts(Path("theirs"), track_id, time_s, paths, weights, 0.4, names or TrackNames())
 
 
 def nearest(forecasts, who, when_s):
-    """The row of somebody's forecast nearest in time, at most 5 ms away; else -1."""
+    """The row of the forecast of a person nearest in time, at most 5 ms away; else -1."""
     away_s = np.where(forecasts.track_id == who, np.abs(forecasts.time_s - when_s), np.inf)
     return int(away_s.argmin()) if away_s.min() <= 0.005 else -1
-
-
-def made(track_id, time_s):
-    """Forecasts of some people at some instants, all alike."""
-    count = len(track_id)
-    return ForeignForecasts(
-        Path("theirs"), track_id, time_s, np.zeros((count, 1, 1, 2)), np.ones((count, 1)), 0.4
-    )
 
 
 @given(st.integers(0, 2**32), st.integers(1, 40))
@@ -154,13 +224,14 @@ def test_a_window_has_the_nearest_forecast_of_its_person(seed, count):
     assert forecasts._rows(who, when_s).tolist() == expected
 
 
-def test_ten_times_as_many_people_take_ten_times_as_long():
-    def least_s(people):
-        forecasts, took_s = made(np.arange(people), np.zeros(people)), []
-        for _ in range(3):
-            begun_s = time.process_time()
-            forecasts._rows(forecasts.track_id, forecasts.time_s)
-            took_s.append(time.process_time() - begun_s)
-        return min(took_s)
-
-    assert least_s(20_000) < 40 * least_s(2_000)
+def test_names_are_those_of_the_recording():
+    """Also names that are the numbers of other tracks, and numbers of tracks that have names."""
+    names = TrackNames({0: "Bo", 1: "0"})
+    theirs = made(np.array([0, 1, 2]), np.array([1.0, 2.0, 3.0]), TrackNames({0: "0", 1: "Bo", 2: "Cy"}))
+    found = theirs.of_tracks(names)
+    assert dict(zip(found.track_id, found.time_s, strict=True)) == {1: 1.0, 0: 2.0}
+    assert made(np.array([0, 1]), np.zeros(2)).of_tracks(
+        TrackNames({0: "Ann", 1: "Bo"})
+    ).track_id.tolist() == [0, 1]
+    with pytest.raises(InputError):
+        made(np.array([0]), np.zeros(1), TrackNames({0: "Cy"})).of_tracks(names)

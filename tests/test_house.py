@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from pedpred import config
-from pedpred.command.libraries import LIBRARIES
 from stages.code import CODE, code_behind, imported
 from tests.configuration import composed, read
 from tests.conftest import LONGEST, ROOT
@@ -72,7 +71,6 @@ def test_what_the_commands_and_a_robot_import_is_what_the_extra_files_installs()
     outside = {module.partition(".")[0] for path in embedding for module, _ in imported(path)} - {"pedpred"}
     needed = {CALLED.get(name, name) for name in outside - sys.stdlib_module_names}
     assert needed == bare(wanted)
-    assert {CALLED.get(name, name) for name in LIBRARIES} == bare(extras["files"])
 
 
 # Stages depend on the code that their script imports

@@ -3,20 +3,18 @@
 import errno
 import os
 import re
-import resource
 import shutil
 import subprocess
 import sys
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 import yaml
 
 from pedpred.errors import OutputError, user_errors
-from pedpred.files import nameless, write_text
 from tests.configuration import read
 from tests.conftest import ROOT
+from tests.disk import small_files
 from tests.trust import project
 from tests.trust.readers import READERS
 from tools import ablate, branches, compare, mend_lock
@@ -75,7 +73,7 @@ def test_commands_work_where_all_but_the_output_is_read_only(read_only):
 
 
 @mounting
-def test_an_output_in_a_read_only_folder_is_refused_in_words(read_only):
+def test_an_output_in_a_read_only_folder_is_refused(read_only):
     _, _, said = read_only.stderr.partition("now elsewhere\n")
     assert read_only.returncode == 1
     assert "OutputError: crossing_forecasts.mcap: it cannot be written: Read-only file system" in said
@@ -83,7 +81,7 @@ def test_an_output_in_a_read_only_folder_is_refused_in_words(read_only):
 
 
 @mounting
-def test_a_full_disk_is_said_in_words_and_leaves_nothing_half_written(tmp_path):
+def test_commands_on_a_full_disk_end_with_a_remedy(tmp_path):
     """Full while the file is written, or from its first byte on."""
     out = tmp_path / "out"
     script = (
@@ -102,10 +100,10 @@ def test_a_full_disk_is_said_in_words_and_leaves_nothing_half_written(tmp_path):
         said = r"\w+: .*it cannot be written: No space left on device.*make room on the disk"
         assert re.search(f"^{command} {said}", done.stderr, re.MULTILINE), done.stderr
     assert "Traceback" not in done.stderr
-    assert not [name for name in ("walk.mcap", "x.json", ".new-") if name in done.stdout]
+    assert not [name for name in ("walk.mcap", "x.json", ".tmp") if name in done.stdout]
 
 
-def test_an_output_that_nobody_can_print_is_said_in_words():
+def test_a_full_standard_output_ends_without_a_traceback():
     with open("/dev/full", "w") as full:
         command = [*COMMAND, "info", SCENE]
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, cwd=ROOT)
@@ -127,58 +125,26 @@ def test_a_network_leaves_nothing_in_the_home(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@contextmanager
-def small_files(size):
-    """Let files of this process have at most this size, as on a full disk."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
 @pytest.mark.parametrize("size", [0, 40])
 @pytest.mark.parametrize("name", WRITERS)
-def test_every_writer_says_that_the_disk_is_full(name, size, tmp_path):
-    """However a library says it: pyarrow, safetensors, mcap and others have a way of their own."""
-    with small_files(size), pytest.raises(OutputError, match=r"cannot be written.*make room") as refused:
+def test_a_full_disk_is_an_output_error_of_every_writer(name, size, tmp_path):
+    with small_files(size), pytest.raises(OutputError, match="make room") as refused:
         READERS[name].make(tmp_path)
     assert not refused.value.path.exists()
-    assert not [path for path in tmp_path.rglob("*") if ".new-" in path.name]
+    assert not [path for path in tmp_path.rglob("*") if ".tmp" in path.name]
 
 
-@pytest.mark.parametrize("size", [0, 40])
-def test_a_full_disk_leaves_the_old_file(size, tmp_path):
-    write_text(tmp_path / "page.md", "old")
-    with small_files(size), pytest.raises(OutputError, match="make room"):
-        write_text(tmp_path / "page.md", "new" * 100)
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["old"]
-
-
-def test_an_error_without_a_name_is_said_in_words():
+def test_a_full_disk_without_a_file_name_has_a_remedy():
     with pytest.raises(SystemExit, match="make room on the disk"), user_errors():
         raise OSError(28, "No space left on device")
 
 
 @pytest.mark.parametrize("number", [errno.ENOENT, errno.ENOTDIR, errno.EISDIR])
-def test_room_is_asked_for_only_where_a_disk_or_folder_lacks_it(number):
+def test_other_errors_of_the_system_do_not_ask_for_room(number):
     """Where they lack it: `trust/test_trust_faults.py`."""
     with pytest.raises(SystemExit, match="dvc") as ended, user_errors():
         raise OSError(number, os.strerror(number), "dvc")
     assert "make room" not in str(ended.value)
-
-
-def test_scratch_data_go_elsewhere_where_nothing_may_be_written(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def locked(*_, **__):
-        raise OSError(30, "Read-only file system", "build")
-
-    monkeypatch.setattr(Path, "mkdir", locked)
-    with nameless() as scratch:
-        assert scratch.write(b"row") == 3
-    assert not list(tmp_path.iterdir())
 
 
 # Without a git history

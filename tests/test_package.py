@@ -1,9 +1,12 @@
 """The package as people install it: light to import, complete in an empty environment."""
 
+import ast
+import importlib
 import subprocess
 import sys
 import tomllib
 import venv
+from pathlib import Path
 
 import pytest
 import yaml
@@ -105,6 +108,18 @@ def test_public_names_are_found_and_others_are_not():
     assert all(getattr(pedpred, name).__name__ == name for name in pedpred.__all__)
     with pytest.raises(AttributeError, match="no attribute 'Predictor'"):
         _ = pedpred.Predictor
+
+
+@pytest.mark.parametrize("package", ["pedpred", "pedpred.ros"])
+def test_names_on_use_are_those_of_type_checkers(package):
+    module = importlib.import_module(package)
+    tree = ast.parse(Path(module.__file__).read_text())
+    checked = next(n for n in tree.body if isinstance(n, ast.If) and ast.unparse(n.test) == "TYPE_CHECKING")
+    imports = [node for node in checked.body if isinstance(node, ast.ImportFrom)]
+    homes = {alias.name: node.module for node in imports for alias in node.names}
+    assert sorted(homes) == module.__all__
+    for name, home in homes.items():
+        assert getattr(module, name) is getattr(importlib.import_module(home), name)
 
 
 @pytest.mark.parametrize("absent", ["", "pandas"])

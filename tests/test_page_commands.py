@@ -21,7 +21,7 @@ from dvc.cli import parse_args
 from pedpred import config
 from pedpred.command import main
 from pedpred.command.arguments import parser
-from pedpred.command.conversion import read_any
+from pedpred.command.recordings import open_scene
 from pedpred.online import shipped
 from pedpred.report.ablation import read_ablation
 from pedpred.storage.scenes import write_scene
@@ -180,7 +180,7 @@ def folder(tmp_path_factory):
     (place / "examples").symlink_to(ROOT / "examples")
     shutil.copytree(ROOT / "conf", place / "conf")
     shutil.copy(ROOT / "params.yaml", place)
-    write_scene(read_any(ROOT / "examples/corner/walk.txt"), place / "data/scenes/real" / PLACE)
+    write_scene(open_scene(ROOT / "examples/corner/walk.txt"), place / "data/scenes/real" / PLACE)
     return place
 
 

@@ -69,32 +69,30 @@ def test_two_processes_learn_what_one_does_with_all_lanes(tmp_path):
 def test_lanes_are_divided_evenly_or_refused():
     shares = [DistributedContext(ALONE.device, rank=rank, size=4).share(64) for rank in range(4)]
     assert [i for share in shares for i in range(64)[share]] == list(range(64))
-    with pytest.raises(ValueRuleError, match=r"lanes.*multiple of the number of processes, 3"):
+    with pytest.raises(ValueRuleError, match="lanes"):
         DistributedContext(ALONE.device, size=3).share(64)
 
 
-def test_devices_that_are_not_there_or_not_meant_are_named():
-    with pytest.raises(ValueRuleError, match=r"device.*'tpu'"), distributed_context("tpu", False):
+def test_unknown_or_missing_devices_are_refused():
+    with pytest.raises(ValueRuleError, match="device"), distributed_context("tpu", False):
         pass
-    with pytest.raises(ValueRuleError, match=r"autocast.*'fast'"), distributed_context("cpu", "fast"):
+    with pytest.raises(ValueRuleError, match="autocast"), distributed_context("cpu", "fast"):
         pass
     if not torch.cuda.is_available():
-        with pytest.raises(ValueRuleError, match="no CUDA device"), distributed_context("cuda", False):
+        with pytest.raises(ValueRuleError, match="device"), distributed_context("cuda", False):
             pass
         with distributed_context("auto", False) as here:
             assert here == ALONE
 
 
 @pytest.mark.parametrize("units", [{}, {"avx512_f": True, "amx_bf16": False}, {"amx_bf16": True}])
-def test_products_are_narrow_where_the_processor_has_units_for_them(monkeypatch, caplog, units):
+def test_autocast_follows_the_units_of_the_processor(monkeypatch, units):
     monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: units, raising=False)
-    caplog.set_level("INFO")
     with distributed_context("cpu", "auto") as here:
         assert here.autocast is units.get("amx_bf16", False)
-    assert f"products in {'bfloat16' if here.autocast else 'float32'}" in caplog.text
 
 
-def test_narrow_products_change_a_loss_by_their_rounding_only(narrow_lstm):
+def test_bfloat16_products_change_a_loss_by_rounding_only(narrow_lstm):
     rng = np.random.default_rng(0)
     network, data = SMALL.build(WIDTHS, 4), toy_data(rng)
     losses = []
@@ -113,7 +111,7 @@ def test_a_data_set_moves_as_a_whole():
 
 
 def test_a_training_step_stays_on_its_device():
-    """Nothing in a step makes a tensor elsewhere, or looks at a value: on "meta" both would fail."""
+    """A step makes no tensor elsewhere and reads no value: on the device "meta", both would fail."""
     far = DistributedContext(torch.device("meta"))
     network, data = SMALL.build(WIDTHS, 4).to(far.device), toy_data(np.random.default_rng(0)).to(far.device)
     learner = SequenceLearner(network, data, data.spans.rows, data.spans.rows, VARIED, far)

@@ -29,7 +29,7 @@ def test_disk_round_trip_changes_nothing(tmp_path, scene):
     assert_same(read_scene(tmp_path / "place"), scene)
 
 
-NOBODY = Trajectories(np.empty(0), np.empty(0), np.empty((0, 2)))
+EMPTY = Trajectories(np.empty(0), np.empty(0), np.empty((0, 2)))
 
 
 def test_a_scene_without_people_says_why_on_disk(tmp_path):
@@ -38,12 +38,12 @@ def test_a_scene_without_people_says_why_on_disk(tmp_path):
     assert_same(read_scene(tmp_path / "place"), scene)
     assert not len(scene.trajectories)
     assert not scene.occupancy.occupied.any()
-    with pytest.raises(ValueRuleError, match=r"unavailable = 'the archive is down', but"):
+    with pytest.raises(ValueRuleError, match="unavailable"):
         replace(scene, trajectories=Trajectories([0.0], [1], [[0.0, 0.0]]))
 
 
 def test_a_scene_of_simulated_people_says_so_on_disk(tmp_path):
-    scene = Scene("place", NOBODY, OccupancyMap(np.eye(2), [0, 0], 0.1), 0.4, stand_in="drawn by hand")
+    scene = Scene("place", EMPTY, OccupancyMap(np.eye(2), [0, 0], 0.1), 0.4, stand_in="drawn by hand")
     write_scene(scene, tmp_path / "place")
     assert_same(read_scene(tmp_path / "place"), scene)
     write_scene(replace(scene, stand_in=None), tmp_path / "place")
@@ -83,8 +83,9 @@ def test_a_folder_of_scenes_is_a_set(folder):
 
 
 def test_no_scene_is_an_error(tmp_path):
-    with pytest.raises(InputError, match=r"scene\.json"):
+    with pytest.raises(InputError) as refused:
         scene_folders(tmp_path)
+    assert refused.value.path == tmp_path
 
 
 def change_json(folder, **changed):
@@ -100,37 +101,45 @@ def change_map(folder, old, new):
     (folder / "map.yaml").write_text((folder / "map.yaml").read_text().replace(old, new))
 
 
-@pytest.mark.parametrize(
-    ("damage", "named"),
-    [
-        (lambda f: change_json(f, schema=99), "schema: 99, expected 1"),
-        (lambda f: change_json(f, name=None), "'name' is missing"),
-        (lambda f: change_json(f, detection_dt_s=-1.0), "detection_dt_s = -1.0"),
-        (lambda f: change_json(f, detection_dt_s="often"), "detection_dt_s = 'often'"),
-        (lambda f: (f / "scene.json").write_text("[]"), "list, expected an object"),
-        (lambda f: (f / "scene.json").write_text("null"), "nothing, expected an object"),
-        (lambda f: (f / "scene.json").write_text("{"), r"scene\.json"),
-        (lambda f: (f / "tracks.parquet").write_text("no table"), r"tracks\.parquet"),
-        (lambda f: (f / "tracks.parquet").unlink(), r"tracks\.parquet"),
-        (
-            lambda f: change_tracks(f, x_m=np.nan),
-            "column x_m: double with 2 missing values, expected numbers",
-        ),
-        (lambda f: change_tracks(f, track_id="a"), "column track_id"),
-        (lambda f: change_map(f, "resolution: 0.1", "resolution: -0.1"), "resolution_m = -0.1"),
-        (lambda f: change_map(f, "- 0.0\nnegate", "- 0.5\nnegate"), "yaw is 0.5 rad"),
-        (lambda f: change_map(f, "resolution", "size"), "resolution"),
-        (lambda f: change_map(f, "negate: 0", "negate: dark"), "negate = 'dark', but it must be 0 or 1"),
-        (lambda f: change_map(f, "thresh: 0.65", "thresh: 65"), "occupied_thresh = 65, .* from 0 to 1"),
-        (lambda f: change_map(f, "thresh: 0.65", "thresh: .nan"), "occupied_thresh = nan"),
-        (lambda f: (f / "map.pgm").write_bytes(b"P5\n9 9\n255\n"), r"map\.pgm"),
-    ],
-)
-def test_damage_is_named(folder, damage, named):
-    damage(folder)
-    with pytest.raises(InputError, match=named) as error:
+DAMAGES = {
+    "another schema": ("scene.json", lambda f: change_json(f, schema=99), "schema"),
+    "no name": ("scene.json", lambda f: change_json(f, name=None), "name"),
+    "a negative interval": ("scene.json", lambda f: change_json(f, detection_dt_s=-1.0), "detection_dt_s"),
+    "a text for a number": ("scene.json", lambda f: change_json(f, detection_dt_s="often"), "detection_dt_s"),
+    "a list for an object": ("scene.json", lambda f: (f / "scene.json").write_text("[]"), "list"),
+    "cut JSON": ("scene.json", lambda f: (f / "scene.json").write_text("{"), None),
+    "no table": ("tracks.parquet", lambda f: (f / "tracks.parquet").write_text("no table"), None),
+    "no file of tracks": ("tracks.parquet", lambda f: (f / "tracks.parquet").unlink(), None),
+    "missing positions": ("tracks.parquet", lambda f: change_tracks(f, x_m=np.nan), "x_m"),
+    "text for ids": ("tracks.parquet", lambda f: change_tracks(f, track_id="a"), "track_id"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damage_is_named_by_file_and_field(folder, damage):
+    name, change, field = DAMAGES[damage]
+    change(folder)
+    with pytest.raises(InputError, match=field) as refused:
         read_scene(folder)
-    assert str(folder) in str(error.value)
+    assert refused.value.path == folder / name
+
+
+MAP_DAMAGES = {
+    "resolution_m": lambda f: change_map(f, "resolution: 0.1", "resolution: -0.1"),
+    "resolution": lambda f: change_map(f, "resolution", "size"),
+    "yaw": lambda f: change_map(f, "- 0.0\nnegate", "- 0.5\nnegate"),
+    "negate": lambda f: change_map(f, "negate: 0", "negate: dark"),
+    "occupied_thresh": lambda f: change_map(f, "thresh: 0.65", "thresh: 65"),
+    r"map\.pgm": lambda f: (f / "map.pgm").write_bytes(b"P5\n9 9\n255\n"),
+}
+
+
+@pytest.mark.parametrize("field", MAP_DAMAGES)
+def test_damage_of_the_map_is_named_by_field(folder, field):
+    MAP_DAMAGES[field](folder)
+    with pytest.raises(InputError, match=field) as refused:
+        read_scene(folder)
+    assert refused.value.path.parent == folder
 
 
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -149,10 +158,12 @@ def test_a_folder_holds_its_tracks_once(folder):
     """Otherwise a corrected table would lose against the Parquet file of an earlier conversion."""
     scene = read_own(folder)
     write_as_table(scene, folder)
-    with pytest.raises(InputError, match=r"tracks\.csv, file: tracks\.parquet would contradict it"):
+    with pytest.raises(InputError) as refused:
         write_scene(scene, folder)
+    assert refused.value.path == folder / "tracks.csv"
     assert_same(read_own(folder).trajectories, scene.trajectories)
     write_scene(scene, folder.parent / "again")
     (folder.parent / "again" / "tracks.parquet").rename(folder / "tracks.parquet")
-    with pytest.raises(InputError, match=r"tracks\.csv, file: tracks\.parquet is here too"):
+    with pytest.raises(InputError) as refused:
         read_own(folder)
+    assert refused.value.path == folder / "tracks.csv"

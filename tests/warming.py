@@ -11,7 +11,6 @@ from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.assessment import assess
 from pedpred.online.replay import replay_scene
 from pedpred.ros.assignment import NearestTracks
-from pedpred.ros.turned_maps import turned_map
 from pedpred.scenes import OccupancyMap, Scene, Trajectories, predicted_occupancy
 
 
@@ -91,7 +90,6 @@ def law(*models):
         predictor = OnlinePredictor.load(model)
         list(replay_scene(recording(), predictor))
         assess(recording(), predictor, EvaluationSettings(bootstrap=2))
-    turned_map(OccupancyMap(next(maps()).occupied, np.zeros(2), 0.1), np.float64(0.3))
     assert specialisations() == known, specialisations() - known
 
 

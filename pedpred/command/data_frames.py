@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from numbers import Real
-from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from pedpred.command.forecast_tables import forecast_table
-from pedpred.command.maps import map_at
-from pedpred.command.prediction import robot_for
+from pedpred.command.prediction import METHOD, predictor_for
+from pedpred.command.recordings import read_ground_at
 from pedpred.errors import ValueRuleError
 from pedpred.online.replay import as_windows, replay_scene
 from pedpred.reading.checks import check_people
@@ -23,7 +20,6 @@ from pedpred.reading.tracks import agreed_unit, to_tracks
 from pedpred.scenes import OccupancyMap, Scene, checked_placement
 
 _TABLE = Path("table")
-_METHOD = "pedpred"
 
 
 def predict(
@@ -60,26 +56,22 @@ def predict(
         ValueRuleError: an argument is something else.
         InputError: a column is missing, a value is not a number, or people would move at impossible speeds.
     """
-    _check_kind("table", table, pd.DataFrame, "a DataFrame of pandas")
-    _check_kind("occupancy", occupancy, OccupancyMap | str | Path | None, "an OccupancyMap, a path or None")
-    _check_kind("rate_hz", rate_hz, Real | None, "a number or None")
-    _check_kind("columns", columns, Mapping | None, "a dictionary or None")
-    _check_kind("model", model, str | PathLike | None, "a path or None")
+    checked: object = table
+    if not isinstance(checked, pd.DataFrame):
+        raise ValueRuleError("table", checked, "it must be a DataFrame of pandas")
+    if isinstance(occupancy, str | Path):
+        occupancy = read_ground_at(Path(occupancy))
+    checked = occupancy
+    if not isinstance(checked, OccupancyMap | None):
+        raise ValueRuleError("occupancy", checked, "it must be an OccupancyMap, a path or None")
     how = ReadOptions(columns, rate_hz, unit, classes=tuple(classes), any_speed=any_speed)
     with add_path(_TABLE):
         content, ids = from_frame(table, how)
         people = to_tracks(str(_TABLE), content, how).people
         dt_s = check_people(str(_TABLE), people, agreed_unit(content.unit, how), any_speed)
-    if isinstance(occupancy, str | Path):
-        occupancy = map_at(Path(occupancy))
     scene = Scene("table", people, occupancy or OccupancyMap.free_around(people.position), dt_s)
     checked_placement(scene)
-    predictor = robot_for(scene, None if model is None else Path(model))
-    windows = as_windows(scene, replay_scene(scene, predictor), _METHOD, predictor.protocol)
-    forecasts = forecast_table(windows, _METHOD)
+    predictor = predictor_for(scene, None if model is None else Path(model))
+    windows = as_windows(scene, replay_scene(scene, predictor), METHOD, predictor.protocol)
+    forecasts = forecast_table(windows, METHOD)
     return forecasts.assign(track=ids.take(forecasts["track"].to_numpy()))
-
-
-def _check_kind(field: str, value: object, kind: Any, called: str) -> None:
-    if not isinstance(value, kind):
-        raise ValueRuleError(field, value, f"it must be {called}")

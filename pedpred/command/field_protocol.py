@@ -41,14 +41,14 @@ def assess_windows(
     settings: MetricSettings,
     foreign: Mapping[str, ForeignForecasts],
 ) -> dict[str, Scores]:
-    """Measure simple methods, a model and others' forecasts in the windows of a recording.
+    """Measure simple methods, a model and forecasts of other programs in the windows of a recording.
 
     Args:
         scene: annotations every 0.4 s.
         predictor: with the model, whose tracker simple methods use, too.
-        wanted: somebody named the model, so that one of another time step or horizon is an error.
+        wanted: the user named the model, so that one of another time step or horizon is an error.
         settings: thresholds of the metrics.
-        foreign: forecasts of others by name; windows without one in each of them are left out.
+        foreign: forecasts of other programs by name; windows without one in each of them are left out.
 
     Raises:
         ValueRuleError: the recording has no window, or the model forecasts other steps.
@@ -59,10 +59,14 @@ def assess_windows(
         raise ValueRuleError("--protocol", f"{scene.name}, every {scene.detection_dt_s:g} s", rule)
     about = predictor.description
     windows = find_windows(scene, WINDOWS, predictor.filters, about.standstill_mps, memory=False)
-    named = _as_recorded(windows)
+    # Files of forecasts have the ids and times of the recording, windows their own.
+    recorded = replace(windows.request.asked, track_id=windows.track, time_s=windows.end_s)
+    named = replace(windows.request, table=recorded, rows=np.arange(len(windows.track)), tracks=None)
     if foreign:
         kept = answered_by_all(foreign, named)
-        windows, named = _select(windows, kept), replace(named, rows=named.rows[kept])
+        request = replace(windows.request, rows=windows.request.rows[kept])
+        windows = WindowSet(request, windows.truth[kept], windows.track[kept], windows.end_s[kept])
+        named = replace(named, rows=named.rows[kept])
     scores = {key: measure(windows, make(), SAMPLES, settings) for key, make in PRESENT_MOTION.items()}
     sizes = about.protocol
     fits = (sizes.dt_s, sizes.horizon_steps) == (WINDOWS.step_s, WINDOWS.predicted_steps)
@@ -75,26 +79,8 @@ def assess_windows(
             raise ValueRuleError("--model", has, rule)
         _LOG.info("the default model is left out: it forecasts %s, and %s", has, rule)
     for name, forecasts in foreign.items():
-        scores[name] = measure(windows, partial(_answer, forecasts, named), SAMPLES, settings)
+        scores[name] = measure(windows, partial(_answer, forecasts(named)), SAMPLES, settings)
     return scores
-
-
-def _as_recorded(windows: WindowSet) -> ForecastRequest:
-    """The same windows with the ids and times of the recording, as files of forecasts have them."""
-    request = windows.request
-    table = replace(request.asked, track_id=windows.track, time_s=windows.end_s)
-    return replace(request, table=table, rows=np.arange(len(windows.track)), tracks=None)
-
-
-def _select(windows: WindowSet, kept: np.ndarray) -> WindowSet:
-    """Some of the windows. [W] bool."""
-    request = replace(windows.request, rows=windows.request.rows[kept])
-    return WindowSet(request, windows.truth[kept], windows.track[kept], windows.end_s[kept])
-
-
-def _answer(forecasts: ForeignForecasts, named: ForecastRequest, request: ForecastRequest) -> Predictions:
-    """What others forecast for these windows, whose request names them otherwise."""
-    return forecasts(named)
 
 
 def _forecast(predictor: OnlinePredictor, request: ForecastRequest) -> Predictions:
@@ -104,7 +90,12 @@ def _forecast(predictor: OnlinePredictor, request: ForecastRequest) -> Predictio
     return Predictions.join(parts).select(np.argsort(np.concatenate(which)))
 
 
-def field_table(name: str, scores: Mapping[str, Scores]) -> str:
+def _answer(predictions: Predictions, request: ForecastRequest) -> Predictions:
+    """Forecasts that were made for these windows."""
+    return predictions
+
+
+def protocol_table(name: str, scores: Mapping[str, Scores]) -> str:
     """Write the figures of a scene: a row per method."""
     cells = [["method", *_SHOWN.values()]]
     for method, measures in scores.items():

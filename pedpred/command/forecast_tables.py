@@ -12,15 +12,13 @@ from pedpred.files import atomic_write, check_input
 from pedpred.reading.errors import ContentError, add_path
 from pedpred.reading.head import Head
 from pedpred.reading.names import TrackNames
-from pedpred.reading.options import ReadOptions
-from pedpred.reading.table import column_titles, is_columnar, read_columnar, text_form
-from pedpred.reading.text import numbers, read_columns
-from pedpred.reading.tracks import is_missing, number_ids
+from pedpred.reading.table import column_titles, is_columnar, read_columnar
+from pedpred.storage.tracks import MOST_NUMBERS
 
 COLUMNS = ("track", "time", "mode", "weight", "step", "x", "y")
-"""A row per step of each mode: whose forecast, made when (s), and where the person will be (world, m)."""
-
+"""A row per step of each mode: of which track, made when (s), and where the person will be (world, m)."""
 SUFFIXES = (".csv", ".parquet")
+_MOST_ROWS = MOST_NUMBERS // len(COLUMNS)
 
 
 def forecast_table(windows: EvaluationWindows, method: str, names: TrackNames | None = None) -> pd.DataFrame:
@@ -28,7 +26,7 @@ def forecast_table(windows: EvaluationWindows, method: str, names: TrackNames | 
 
     Args:
         windows: with the forecasts.
-        method: whose.
+        method: name of the method.
         names: of tracks, in place of their numbers.
     """
     predictions = windows.predictions[method]
@@ -57,31 +55,41 @@ def write_forecasts(
             table.to_csv(new, index=False, float_format="%.4f")
 
 
-def read_forecast_table(path: Path) -> tuple[dict[str, np.ndarray], TrackNames]:
-    """Read the columns of such a file, with `track_id` for track, and `line`, and what tracks are called.
+def read_forecast_table(path: Path) -> pd.DataFrame:
+    """Read the columns `COLUMNS` of a CSV or Parquet file; tracks are text or numbers, others finite numbers.
 
     Raises:
-        InputError: a column is missing or holds something else than finite numbers.
+        InputError: a column is missing or holds something else; the message names the row, from 1.
     """
     check_input(path)
     with add_path(path):
         columnar = is_columnar(Head.of(path).raw)
-        form = None if columnar else text_form(path, ReadOptions())[0]
-        titles = column_titles(path) if form is None else form.titles
+        titles = column_titles(path) if columnar else [*pd.read_csv(path, nrows=0).columns]
         if missing := [name for name in COLUMNS if name not in titles]:
-            problem = f"no column {missing[0]}; there are {', '.join(titles)[:200]}"
+            problem = f"no column {missing[0]}; there are {', '.join(map(str, titles))[:200]}"
             raise ContentError(problem, f"The header is {','.join(COLUMNS)}")
-        wanted = {name: name for name in COLUMNS}
-        table = read_columnar(path, wanted) if form is None else read_columns(path, form, wanted, ("track",))
-        before = None if form is None else form.skipped
-        line = np.arange(table.num_rows) + 1 + (before or 0)
-        for name in COLUMNS:
-            if (lost := is_missing(table[name])).any():
-                raise ContentError(f"{name} is missing", line=int(line[lost][0]))
-        columns = {name: numbers(table[name], name, before) for name in COLUMNS[1:]}
-        for name in ("mode", "step"):
-            if len(wrong := np.flatnonzero(columns[name] % 1)):
-                problem = f"{name} = {columns[name][wrong[0]]:g}, but it must be a whole number"
-                raise ContentError(problem, line=int(line[wrong[0]]))
-        track_id, names = number_ids(table["track"], np.zeros(table.num_rows, bool))
-    return {"line": line, "track_id": track_id, **columns}, names
+        if columnar:
+            table = read_columnar(path, {name: name for name in COLUMNS}).to_pandas()
+        else:
+            most = _MOST_ROWS + 1
+            table = pd.read_csv(path, dtype={"track": str}, keep_default_na=False, nrows=most)[list(COLUMNS)]
+            if len(table) > _MOST_ROWS:
+                raise ContentError(f"more than {_MOST_ROWS} rows", "Divide the file")
+        for name in COLUMNS[1:]:
+            table[name] = _finite(table[name], whole=name in ("mode", "step"))
+        _check(table["track"], table["track"].notna() & (table["track"] != ""), "an id")
+        return table
+
+
+def _finite(column: pd.Series, whole: bool) -> pd.Series:
+    values = pd.to_numeric(column, errors="coerce").astype(float)
+    _check(column, values.notna() & (values.abs() < np.inf), "a finite number")
+    if whole:
+        _check(column, values % 1 == 0, "a whole number")
+    return values
+
+
+def _check(column: pd.Series, right: pd.Series, expected: str) -> None:
+    if not right.all():
+        row = int(np.flatnonzero(~right)[0])
+        raise ContentError(f"row {row + 1}: {column.name} = {column.iloc[row]!r} is not {expected}")

@@ -18,13 +18,16 @@ _MANY_TRACKS = 10
 _NOISY = 2.0
 """Constant velocity errs more than the Kalman filter by this factor where steps are noise."""
 
+Rows = Mapping[str, Mapping[str, Any]]
+"""Method -> figure -> value."""
 
-def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str, Scores]) -> str:
-    """Write the figures of a scene.
+
+def metric_table(name: str, rows: Rows, scores: Mapping[str, Scores]) -> str:
+    """Write the figures of a scene: a row per method.
 
     Args:
         name: of the scene.
-        rows: method -> figure -> value.
+        rows: its figures.
         scores: of the same methods.
     """
     some, measured = next(iter(rows.values())), next(iter(scores.values()))
@@ -32,14 +35,14 @@ def table(name: str, rows: Mapping[str, Mapping[str, Any]], scores: Mapping[str,
     titles = [f"{METRICS[key].label} {METRICS[key].unit}" for key in SHOWN]
     cells: list[Sequence[str]] = [("method", titles[0], "95 % interval", *titles[1:])]
     for method, row in rows.items():
-        interval = " - ".join(_cell(first, end) for end in row[f"{first}_ci95"]) if _varied(row) else "-"
+        has_interval = row["tracks"] > 1  # bootstrap replicates of a single track are all the same
+        interval = " - ".join(_cell(first, end) for end in row[f"{first}_ci95"]) if has_interval else "-"
         cells.append((method, _cell(first, row[first]), interval, *(_cell(k, row.get(k)) for k in others)))
     moving = int(np.isfinite(measured.values["moving_ade_m"]).sum())
     split = f"{moving} of people who move, {some['windows'] - moving} of people who stand"
     lost = some["eligible"] - some["windows"]
     without = f"; {lost} more without truth" if lost else ""
-    about = f"{name}: {some['windows']} windows of {some['tracks']} tracks ({split}{without})"
-    return aligned(about, cells)
+    return aligned(f"{name}: {some['windows']} windows of {some['tracks']} tracks ({split}{without})", cells)
 
 
 def aligned(about: str, cells: Sequence[Sequence[str]]) -> str:
@@ -49,30 +52,24 @@ def aligned(about: str, cells: Sequence[Sequence[str]]) -> str:
     return "\n".join([about, *lines, "", ""])
 
 
-def caution(name: str, place: Placement) -> str:
+def note_on_map(name: str, place: Placement) -> str:
     """A warning that the map of a scene is probably misplaced; empty for others."""
     if not place.wrong:
         return ""
     return f"{name}: WRONG MAP? {place}: figures with this map say little; look at both, or use --no-map\n"
 
 
-def remark(name: str, rows: Mapping[str, Mapping[str, Any]]) -> str:
-    """A remark that simple methods continue the noise of detections; empty where they do not.
-
-    Args:
-        name: of the scene.
-        rows: method -> figure -> value.
-    """
-    error_m = {method: row["ade_m"] for method, row in rows.items()}
-    if error_m["cv"] <= _NOISY * error_m["kalman_cv"]:
+def note_on_noise(name: str, rows: Rows) -> str:
+    """A note that simple methods continue the noise of detections; empty where they do not."""
+    if rows["cv"]["ade_m"] <= _NOISY * rows["kalman_cv"]["ade_m"]:
         return ""
     return (
         f"{name}: cv and ca continue the noise of single steps; kalman_cv smooths it: compare with that one\n"
     )
 
 
-def doubt_intervals(tracks: int) -> str:
-    """Say that intervals over so few tracks are too narrow; empty over many, and over one, which has none.
+def note_on_intervals(tracks: int) -> str:
+    """A note that intervals over so few tracks are too narrow; empty over many, and over one, which has none.
 
     How often they hold the mean was counted for tracks whose errors are normally distributed.
     """
@@ -84,11 +81,6 @@ def doubt_intervals(tracks: int) -> str:
     )
 
 
-def _varied(row: Mapping[str, Any]) -> bool:
-    """Whether there are several tracks: replicates of a single one are all the same."""
-    return bool(row["tracks"] > 1)
-
-
 def _cell(key: str, value: float | None) -> str:
     """Write a figure with the digits of its unit."""
     if value is None:
@@ -96,29 +88,27 @@ def _cell(key: str, value: float | None) -> str:
     return f"{100 * value:.1f}" if METRICS[key].unit == "%" else f"{value:.3f}"
 
 
-def verdict(scores: Mapping[str, Scores], settings: EvaluationSettings) -> str:
+def comparisons(scores: Mapping[str, Scores], settings: EvaluationSettings) -> str:
     """Say of every other method whether its ADE is lower than that of the best simple method.
 
     Args:
         scores: by method, in the same windows.
         settings: of the bootstrap.
     """
-    key = "ade_m"
-    best = min(PRESENT_MOTION, key=lambda method: float(scores[method].values[key].mean()))
+    best = min(PRESENT_MOTION, key=lambda method: float(scores[method].values["ade_m"].mean()))
     others = [method for method in scores if method not in PRESENT_MOTION]
     rows = summarise_methods({method: scores[method] for method in (best, *others)}, best, settings)
-    return "".join(_sentence(method, best, rows[method], rows[best][key]) for method in others)
+    return "".join(_comparison(method, best, rows[method], rows[best]["ade_m"]) for method in others)
 
 
-def _sentence(method: str, best: str, row: Mapping[str, Any], reference_m: float) -> str:
+def _comparison(method: str, best: str, row: Mapping[str, Any], reference_m: float) -> str:
     difference = row["ade_m_minus_reference"]
     low, high = row["ade_m_minus_reference_ci95"]
-    if low is None or low <= 0 <= high:
-        comparison = f"no clear difference from {best}"
-    else:
-        comparison = f"{'better' if difference < 0 else 'worse'} than {best}"
-    relative = f", {100 * difference / reference_m:+.0f} %" if reference_m else ""
     interval = "one track alone says little of others, so there is no interval"
-    if _varied(row):
+    if row["tracks"] > 1:
         interval = f"95 % interval {_cell('ade_m', low)} to {_cell('ade_m', high)}"
-    return f"{method}: {comparison}, the best simple method: ADE {difference:+.3f} m{relative} ({interval})\n"
+    verdict = f"{'better' if difference < 0 else 'worse'} than {best}"
+    if low is None or low <= 0 <= high:
+        verdict = f"no clear difference from {best}"
+    relative = f", {100 * difference / reference_m:+.0f} %" if reference_m else ""
+    return f"{method}: {verdict}, the best simple method: ADE {difference:+.3f} m{relative} ({interval})\n"

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from pedpred.driving.forecasters import NAMES
 from pedpred.driving.measures import Measures
 from pedpred.errors import InputError
-from pedpred.files import read_lines, translate_errors, write_text
+from pedpred.files import read_bytes, translate_errors, write_text
 
 _DIGITS = 4
 MEASURES = [field.name for field in fields(Measures)]
@@ -80,7 +80,7 @@ def read_table(path: Path) -> list[Row]:
     wording = partial(InputError, path, "table", remedy="Name another table, or remove this one")
     rows = []
     with translate_errors(wording):
-        lines = csv.DictReader(line for _, line in read_lines(path))
+        lines = csv.DictReader(io.StringIO(read_bytes(path).decode("utf-8-sig")))
         for number, cells in enumerate(lines, 2):
             try:
                 rows.append(_row(cells))

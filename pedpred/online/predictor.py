@@ -12,7 +12,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError, brief
 from pedpred.features import ForecastProtocol, Neighbours, Surroundings
-from pedpred.files import check_input, check_output, given_path
+from pedpred.files import as_path, check_input, check_output
 from pedpred.forecasting.chain import Chain, Place
 from pedpred.geometry import rotate
 from pedpred.online.caution import have_just_appeared, moving_shares, shorten_paths
@@ -60,11 +60,15 @@ class OnlinePredictor:
         checked: object = OnlineSettings() if settings is None else settings
         if not isinstance(checked, OnlineSettings):
             raise ValueRuleError("settings", checked, "it must be OnlineSettings or None")
-        folder = given_path("folder", folder)
+        folder = as_path("folder", folder)
         check_input(folder, folder=True)
         self._about = read_description(folder)
         self._network = ExportedNetwork(folder, self._about)
         self._settings = checked
+        lost_after_s = self._about.protocol.lost_after_s
+        if checked.max_age_s > lost_after_s + TIME_TOLERANCE_S:
+            rule = f"it must be at most lost_after_s of the model, {lost_after_s:g} s"
+            raise ValueRuleError("max_age_s", checked.max_age_s, rule)
         self._about = replace(self._about, tracker=self._settings.tracker or self._about.tracker)
         learns = self._settings.learn_noise
         if learns is None:
@@ -88,7 +92,8 @@ class OnlinePredictor:
 
         Raises:
             InputError: a file is missing, altered or of another version.
-            ValueRuleError: the folder is no path, or the settings are something else.
+            ValueRuleError: the folder is no path, the settings are something else, or their `max_age_s` is
+                above the model's `lost_after_s`, so that it would have no effect.
         """
         return cls(default_model() if folder is None else folder, settings)
 
@@ -135,7 +140,7 @@ class OnlinePredictor:
             ValueRuleError: that is no path.
             OutputError: it cannot be written there; the message says why.
         """
-        output = given_path("path", path)
+        output = as_path("path", path)
         check_output(output)
         write_place(output, self._place, self._unused, self._network.checksum)
 
@@ -147,7 +152,7 @@ class OnlinePredictor:
             InputError: the file is missing, damaged or about another network; all is as it was.
         """
         checksum = self._network.checksum
-        self._begin(*read_place(given_path("path", path), self._unlearned(), checksum))
+        self._begin(*read_place(as_path("path", path), self._unlearned(), checksum))
 
     def _unlearned(self) -> Place:
         return self._chain.unlearned(self.protocol.horizon_steps)

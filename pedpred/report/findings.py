@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_choice, check_mapping, check_ranges, parsed
 from pedpred.report.document import NOTHING
 from pedpred.report.measures import Figures, Result, bounds_of
 from pedpred.report.methods import Methods
+from pedpred.settings import In, Settings, check_choice, check_mapping, load
 
 Verdict = Literal["met", "missed", "not measured"]
 _KINDS = ("below", "gains", "ratio_at_least")
 
 
 @dataclass(frozen=True)
-class Expectation:
+class Expectation(Settings):
     """A statement about the ADE of two methods, given by their keys.
 
     Kind `below`: the first is below the second; `gains`: the same, reported as a relative gain;
@@ -27,11 +27,11 @@ class Expectation:
     kind: str
     first: str
     second: str
-    bound: float = 1.0
+    bound: Annotated[float, In("(0, 1e6]")] = 1.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_choice("kind", self.kind, _KINDS)
-        check_ranges(self, {"bound": "(0, 1e6]"})
 
 
 def _expectations(plain: Any, path: str) -> dict[str, list[Expectation]]:
@@ -41,23 +41,22 @@ def _expectations(plain: Any, path: str) -> dict[str, list[Expectation]]:
     for study, rows in plain.items():
         if not isinstance(rows, list):
             raise ValueRuleError(f"{path}.{study}", rows, "a list is needed")
-        expected[study] = [parsed(Expectation, row, f"{path}.{study}[{n}]") for n, row in enumerate(rows)]
+        expected[study] = [load(Expectation, row, f"{path}.{study}[{n}]") for n, row in enumerate(rows)]
     return expected
 
 
 @dataclass(frozen=True)
-class Paper:
+class Paper(Settings):
     """The publication that results are compared with, by study."""
 
-    ade_m: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # {study: {method: error, m}}
+    ade_m: Mapping[str, Annotated[Mapping[str, float], In("(0, 1e6]")]] = field(
+        default_factory=dict
+    )  # {study: {method: error, m}}
     remarks: Mapping[str, str] = field(default_factory=dict)
     expectations: Mapping[str, Sequence[Expectation]] = field(
         default_factory=dict, metadata={"parse": _expectations}
     )
     at: Mapping[str, Sequence[str]] = field(default_factory=dict)  # test sets it is about; all by default
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"ade_m": "(0, 1e6]"})
 
     def about(self, result: Result) -> bool:
         """Whether the publication says something about a test set."""

@@ -1,60 +1,86 @@
-"""What readers of every storage of bags have in common."""
+"""A bag as its topics and decoded messages."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+import logging
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
-from pedpred.ros.bag_files import BagFile
+from pedpred.errors import PedpredError, brief
+from pedpred.reading.errors import add_path
+from pedpred.ros.bag_files import open_files
 from pedpred.ros.decoding import Connection, Decoder
+from pedpred.ros.storages import Choice, Messages, read_messages
+
+_log = logging.getLogger(__name__)
 
 
-class BagReader(ABC):
-    """The files of one bag; rosbags decodes the messages."""
+@contextmanager
+def open_bag(path: Path) -> Iterator[Bag]:
+    """Open a file, or the folder of a bag, until the block ends; see `open_files` for errors."""
+    with open_files(path) as files:
+        yield Bag(path, files)
 
-    def __init__(self, files: Sequence[BagFile]):
-        self._files, self._decoder = files, Decoder()
+
+class Bag:
+    """The files of one bag.
+
+    Args:
+        path: of the bag.
+        files: name and content of each file.
+    """
+
+    def __init__(self, path: Path, files: Sequence[tuple[Path, Path]]):
+        self._path, self._files, self._decoder = path, files, Decoder()
+        self._cut = set[Path]()
 
     @cached_property
     def connections(self) -> list[Connection]:
-        """Every topic, once; reads the files."""
-        return list(dict.fromkeys(one for file in self._files for one in self._connections(file)))
+        """Every topic with its type, once; reads the files."""
+        found: dict[Connection, None] = {}
+        for _ in self._read(lambda connection: found.setdefault(connection) is not None):
+            pass
+        return list(found)
 
-    def messages(self, connections: Sequence[Connection] = ()) -> Iterator[tuple[Connection, int, bytes]]:
-        """Topic, time (ns) and bytes of messages of some connections (default: all), as they were written."""
-        for file in self._files:
-            yield from self._messages(file, connections)
+    def messages(self, connections: Collection[Connection]) -> Iterator[tuple[Connection, int, Any]]:
+        """Connection, time of arrival in ns, and decoded message, in the order of the files.
 
-    def decode(self, raw: bytes, connection: Connection) -> Any:
-        """The message; see `Decoder.decode`."""
-        return self._decoder.decode(raw, connection)
+        Messages that cannot be decoded are left out with a warning.
 
-    @abstractmethod
-    def _connections(self, file: BagFile) -> Iterator[Connection]:
-        """The topics of a file; their definitions are noted."""
+        Raises:
+            Exception: all messages of a topic cannot be decoded; see `pedpred.files.translate_errors`.
+            ShapeError: a message would unpack to too much.
+        """
+        counts, damaged, causes = Counter[str](), Counter[str](), dict[str, Exception]()
+        for connection, received_ns, raw in self._read(connections.__contains__):
+            topic = connection.topic
+            counts[topic] += 1
+            try:
+                message = self._decoder.decode(raw, connection)
+            except PedpredError:
+                raise
+            except Exception as error:  # whatever rosbags raises on damaged bytes
+                damaged[topic] += 1
+                causes.setdefault(topic, error)
+            else:
+                yield connection, received_ns, message
+        for topic, cause in causes.items():
+            if damaged[topic] == counts[topic]:
+                raise cause
+            text = "%s: left out: %d of %d messages on %s, which are damaged (%s)"
+            _log.warning(text, self._path, damaged[topic], counts[topic], topic, brief(str(cause)))
 
-    @abstractmethod
-    def _messages(
-        self, file: BagFile, connections: Sequence[Connection]
-    ) -> Iterator[tuple[Connection, int, bytes]]:
-        """The messages of a file, see `messages`."""
-
-
-class RecordReader(BagReader):
-    """Files that are one record after the other, the topics among the messages."""
-
-    def _connections(self, file: BagFile) -> Iterator[Connection]:
-        return (connection for connection, _, raw in self._walk(file) if raw is None)
-
-    def _messages(
-        self, file: BagFile, connections: Sequence[Connection]
-    ) -> Iterator[tuple[Connection, int, bytes]]:
-        for connection, time_ns, raw in self._walk(file):
-            if raw is not None and (connection in connections or not connections):
-                yield connection, time_ns, raw
-
-    @abstractmethod
-    def _walk(self, file: BagFile) -> Iterator[tuple[Connection, int, bytes | None]]:
-        """Every topic (without bytes) and every message of a file."""
+    def _read(self, choose: Choice) -> Messages:
+        """All wanted messages; of a file that is cut those before the cut, with a warning."""
+        for name, content in self._files:
+            with add_path(name):
+                try:
+                    yield from read_messages(content, self._decoder, choose)
+                except EOFError:
+                    if name not in self._cut:
+                        _log.warning("%s is cut: it is read up to its last whole chunk", name)
+                    self._cut.add(name)

@@ -45,7 +45,7 @@ class Decoder:
         self._texts: dict[str, tuple[str, str]] = {}
 
     def define(self, msgtype: str, encoding: str, text: str) -> None:
-        """Note the definition that a bag brings of a type; the first one counts, an empty one does not.
+        """Note the definition that a bag brings of a type: the first one that is not empty.
 
         Args:
             msgtype: the type, see `Connection`.

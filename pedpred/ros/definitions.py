@@ -81,6 +81,34 @@ _PEDSIM = {
     "geometry_msgs/Pose pose\ngeometry_msgs/Twist twist\npedsim_msgs/AgentForce forces\n",
     "pedsim_msgs/msg/AgentStates": f"{_STAMPED}pedsim_msgs/AgentState[] agent_states\n",
 }
+_LEGS = {
+    "leg_tracker/msg/Person": "geometry_msgs/Pose pose\nuint32 id\n",
+    "leg_tracker/msg/PersonArray": f"{_STAMPED}leg_tracker/Person[] people\n",
+}
+_OBSTACLES = {
+    "nav2_dynamic_msgs/msg/Obstacle": "unique_identifier_msgs/UUID uuid\nfloat32 score\n"
+    "geometry_msgs/Point position\ngeometry_msgs/Vector3 velocity\ngeometry_msgs/Vector3 size\n",
+    "nav2_dynamic_msgs/msg/ObstacleArray": f"{_STAMPED}nav2_dynamic_msgs/Obstacle[] obstacles\n",
+    "unique_identifier_msgs/msg/UUID": "uint8[16] uuid\n",
+}
+_ZED = {
+    "zed_msgs/msg/Keypoint2Di": "uint32[2] kp\n",
+    "zed_msgs/msg/Keypoint2Df": "float32[2] kp\n",
+    "zed_msgs/msg/Keypoint3D": "float32[3] kp\n",
+    "zed_msgs/msg/BoundingBox2Di": "zed_msgs/Keypoint2Di[4] corners\n",
+    "zed_msgs/msg/BoundingBox2Df": "zed_msgs/Keypoint2Df[4] corners\n",
+    "zed_msgs/msg/BoundingBox3D": "zed_msgs/Keypoint3D[8] corners\n",
+    "zed_msgs/msg/Skeleton2D": "zed_msgs/Keypoint2Df[70] keypoints\n",
+    "zed_msgs/msg/Skeleton3D": "zed_msgs/Keypoint3D[70] keypoints\n",
+    "zed_msgs/msg/Object": "string label\nint16 label_id\nstring sublabel\nfloat32 confidence\n"
+    "float32[3] position\nfloat32[6] position_covariance\nfloat32[3] velocity\nbool tracking_available\n"
+    "int8 tracking_state\nint8 action_state\nzed_msgs/BoundingBox2Di bounding_box_2d\n"
+    "zed_msgs/BoundingBox3D bounding_box_3d\nfloat32[3] dimensions_3d\nbool skeleton_available\n"
+    "int8 body_format\nzed_msgs/BoundingBox2Df head_bounding_box_2d\n"
+    "zed_msgs/BoundingBox3D head_bounding_box_3d\nfloat32[3] head_position\n"
+    "zed_msgs/Skeleton2D skeleton_2d\nzed_msgs/Skeleton3D skeleton_3d\n",
+    "zed_msgs/msg/ObjectsStamped": f"{_STAMPED}zed_msgs/Object[] objects\n",
+}
 _MAPS = {
     "map_msgs/msg/OccupancyGridUpdate": f"{_STAMPED}int32 x\nint32 y\nuint32 width\nuint32 height\n"
     "int8[] data\n",
@@ -90,6 +118,9 @@ EDITIONS: tuple[dict[str, str], ...] = (
     {
         **_PEOPLE,
         **_PEDSIM,
+        **_LEGS,
+        **_OBSTACLES,
+        **_ZED,
         **_MAPS,
         **_spencer(),
         **_vision(_NESTED, "string id\n"),

@@ -70,5 +70,5 @@ def check_frames(people: Set[str], grid: str | None, transform: Transform | None
     if transform is None and grid is not None and names and names != {grid.lstrip("/")}:
         frames = f"people in {names.pop()!r}, map in {grid!r}"
         pose = "the pose of the people's frame in the map's, x, y and yaw (--transform)"
-        rule = f"both must be in one frame: give {pose}"
+        rule = f"both must be in one frame: record /tf that leads from one to the other, or give {pose}"
         raise ValueRuleError("frame_id", frames, rule)

@@ -1,170 +1,165 @@
-"""Messages of tracked people -> detections; those without a place, and doubles, are counted."""
+"""Which fields of a message are its people: a table of known types, and a notation for all others."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from pedpred.errors import brief
+from pedpred.errors import ValueRuleError
 from pedpred.scenes import rule_of
 
-
-class Detected(NamedTuple):
-    """One person in a message.
-
-    Attributes:
-        name: who.
-        position: with x, y and z in m.
-        header: of this detection alone; None where the type has none.
-    """
-
-    name: object
-    position: Any
-    header: Any = None
-
-
-Adapter = Callable[[Any], Iterable[Detected]]
-"""A message -> every person in it."""
-
-_LARGEST = 2**63 - 1
-_MOST_DIGITS = len(str(_LARGEST))
-_MINUS_ONE, _NEGATIVE = "-1", re.compile(r"-\d+")
-_UNSIGNED = 2**64 - 1
 _ROBOT = 2
 """The type of a robot among the agents of pedsim and of HuNavSim."""
+_NO_ID = 2**64 - 1
+"""The id -1 in a field of 64 bits without a sign."""
 
 
-def _poses(message: Any) -> Iterator[Detected]:
-    """Poses have no names: the index in the list identifies the person."""
-    return (Detected(index, pose.position) for index, pose in enumerate(message.poses))
+class PeopleFields(NamedTuple):
+    """Paths of fields, names joined by dots; of several, joined by |, the first one that is there counts.
+
+    A path through a list continues in the entry with the highest score.
+
+    Attributes:
+        people: the list of people, in the message.
+        id: number, text or bytes, in a person; empty: people have no ids.
+        position: a message with x and y (and z), or an array of 2 or 3 numbers, in a person, m; empty: the
+            person is one.
+        label: the class, number or text, in a person; empty: all are people.
+        robot: a number that is 2 for the robot of a simulator, in a person; empty: there is none.
+    """
+
+    people: str
+    id: str = "id"
+    position: str = "position"
+    label: str = ""
+    robot: str = ""
 
 
-def _agents(agents: Any, position: Callable[[Any], Any]) -> Iterator[Detected]:
-    """Agents of a simulator, without its robot."""
-    people = (agent for agent in agents if getattr(agent, "type", 0) != _ROBOT)
-    return (Detected(_number(agent.id), position(agent), getattr(agent, "header", None)) for agent in people)
-
-
-def _number(written: int) -> int:
-    """An id of 64 bits without a sign, in which -1 is the largest number."""
-    return -1 if written == _UNSIGNED else written
-
-
-def _box(detection: Any) -> Detected:
-    """A detection of vision_msgs: in the middle of its box, or at its likeliest pose if that is empty."""
-    name = getattr(detection, "id", getattr(detection, "tracking_id", ""))
-    position = detection.bbox.center.position
-    if not (position.x or position.y or position.z) and (likely := _likeliest(detection)) is not None:
-        position = likely.pose.pose.position
-    return Detected(name, position, detection.header)
-
-
-ADAPTERS: dict[str, Adapter] = {
-    "people_msgs/msg/People": lambda m: (Detected(p.name, p.position) for p in m.people),
-    "people_msgs/msg/PositionMeasurementArray": lambda m: (
-        Detected(p.object_id, p.pos, p.header) for p in m.people
+PEOPLE_FIELDS = {
+    "geometry_msgs/msg/PoseArray": PeopleFields("poses", id=""),
+    "hunav_msgs/msg/Agents": PeopleFields("agents", position="position.position", robot="type"),
+    "leg_tracker/msg/PersonArray": PeopleFields("people", position="pose.position"),
+    "nav2_dynamic_msgs/msg/ObstacleArray": PeopleFields("obstacles", id="uuid.uuid"),
+    "pedsim_msgs/msg/AgentStates": PeopleFields("agent_states", position="pose.position", robot="type"),
+    "people_msgs/msg/People": PeopleFields("people", id="name"),
+    "people_msgs/msg/PositionMeasurementArray": PeopleFields("people", id="object_id", position="pos"),
+    "spencer_tracking_msgs/msg/TrackedPersons": PeopleFields(
+        "tracks", id="track_id", position="pose.pose.position"
     ),
-    "spencer_tracking_msgs/msg/TrackedPersons": lambda m: (
-        Detected(_number(t.track_id), t.pose.pose.position) for t in m.tracks
+    "vision_msgs/msg/Detection3DArray": PeopleFields(
+        "detections",
+        id="id|tracking_id|",
+        position="bbox.center.position|results.pose.pose.position",
+        label="results.hypothesis.class_id|results.id|",
     ),
-    "hunav_msgs/msg/Agents": lambda m: _agents(m.agents, lambda agent: agent.position.position),
-    "pedsim_msgs/msg/AgentStates": lambda m: _agents(m.agent_states, lambda agent: agent.pose.position),
-    "vision_msgs/msg/Detection3DArray": lambda m: map(_box, m.detections),
-    "geometry_msgs/msg/PoseArray": _poses,
+    "zed_msgs/msg/ObjectsStamped": PeopleFields("objects", id="label_id", label="label"),
 }
-"""The supported message types. All have a header with stamp and frame; detections of some have one, too."""
+"""The known message types of people."""
 
-LABELLED = "vision_msgs/msg/Detection3DArray"
-"""The one whose detections have classes."""
-
-
-def labels_of(message: Any) -> list[str]:
-    """The likeliest class of each detection of a vision_msgs/Detection3DArray; empty where it has none."""
-    likely = [_likeliest(one) for one in message.detections]
-    classes = [None if one is None else getattr(one, "hypothesis", one) for one in likely]
-    return ["" if one is None else str(getattr(one, "class_id", getattr(one, "id", ""))) for one in classes]
+_KEYS = {"id": "id", "position": "position", "class": "label"}
 
 
-def _likeliest(detection: Any) -> Any | None:
-    """The result with the highest score, of every edition of the package; None: there is none."""
-    return max(getattr(detection, "results", ()), key=_score, default=None)
-
-
-def _score(result: Any) -> float:
-    return float(getattr(result, "hypothesis", result).score)
-
-
-class Nameless:
-    """Tells ids that mean nobody: empty ones, NaN, and -1 unless others are negative, as in tables."""
-
-    def __init__(self) -> None:
-        self._nobody = {"nan", "-nan", _MINUS_ONE}
-
-    def note(self, ids: Iterable[str]) -> None:
-        """Look for other negative ids."""
-        if any(one != _MINUS_ONE and _NEGATIVE.fullmatch(one) for one in ids):
-            self._nobody.discard(_MINUS_ONE)
-
-    def note_all(self, messages: Sequence[Sequence[str]]) -> None:
-        """Look at the ids in all messages of a bag: -1 is also somebody where nobody has another id."""
-        for each in messages:
-            self.note(each)
-        if not any(any(self.named(each)) for each in messages):
-            self._nobody.discard(_MINUS_ONE)
-
-    def named(self, ids: Iterable[str]) -> tuple[str, ...]:
-        """The ids, where those that mean nobody are empty."""
-        return tuple("" if one.lower() in self._nobody else one for one in ids)
-
-
-class TrackNumbers:
-    """Track numbers for names: 7 keeps its value; other names, also 007, get -1, -2, ... in order."""
-
-    def __init__(self) -> None:
-        self._given: dict[str, int] = {}
-        self._next = -1
-
-    def number(self, name: object) -> int:
-        """The number of a name, the same on every call, of 64 bits; different names have different ones."""
-        text = str(name)
-        short = text.isascii() and text.isdecimal() and len(text) <= _MOST_DIGITS
-        if short and text == str(int(text)) and int(text) <= _LARGEST:
-            return int(text)
-        if text not in self._given:
-            self._given[text] = self._next
-            self._next -= 1
-        return self._given[text]
-
-    def forget(self, name: str) -> None:
-        """Drop a name; its number is given to no other one, and another one to this name."""
-        self._given.pop(name, None)
-
-
-def find_usable(
-    time_s: np.ndarray, track_id: np.ndarray, position: np.ndarray, name: Callable[[int], object] = int
-) -> tuple[np.ndarray, str]:
-    """Which detections have a place, and of several of one track in one instant are the first.
+def parse_fields(text: str) -> PeopleFields:
+    """Parse the notation of the fields of an unknown type.
 
     Args:
-        time_s: s. [M]
-        track_id: [M] int64
-        position: m. [M, 2]
-        name: what a track is called by who reads of it.
+        text: such as `people,id=id,position=pose.position,class=label`: the path of the list of people, then
+            those of fields in a person. Without `id` or `class`, people have none.
 
-    Returns:
-        [M] bool, and what is wrong with the others, with time and track; empty if there are none.
+    Raises:
+        ValueRuleError: it is not in this form.
     """
-    placed = rule_of("position", position)[1].all(axis=1)
-    order = np.lexsort((~placed, track_id, time_s))  # stable: the first one of several comes first
-    again = np.zeros(len(order), bool)
-    again[order[1:]] = (np.diff(time_s[order]) == 0) & (np.diff(track_id[order]) == 0)
-    lacks = {"without a place": ~placed, "of a track that was there already": placed & again}
-    texts = [
-        f"{lack.sum()} {what}, the first at {time_s[lack][0]} s (track {brief(name(int(track_id[lack][0])))})"
-        for what, lack in lacks.items()
-        if lack.any()
-    ]
-    return placed & ~again, f"left out of {len(order)} detections: {'; '.join(texts)}" if texts else ""
+    people, *pairs = (part.strip() for part in text.split(","))
+    given = dict(pair.partition("=")[::2] for pair in pairs)
+    if not people or "=" in people or not given.keys() <= _KEYS.keys() or "position" not in given:
+        rule = "write the path of the list, then those in a person: people,id=id,position=pose.position"
+        raise ValueRuleError("people", text, rule)
+    return PeopleFields(people, **{"id": ""} | {_KEYS[key]: path.strip() for key, path in given.items()})
+
+
+def people_of(message: Any, fields: PeopleFields) -> list[Any]:
+    """The people in a message, without a simulator's robot."""
+    people = _find(message, fields.people)
+    if not isinstance(people, Iterable) or isinstance(people, str):
+        rule = f"it must be a list of people, not {type(people).__name__}"
+        raise ValueRuleError("people", fields.people, rule)
+    return [one for one in people if not fields.robot or _find(one, f"{fields.robot}|") != _ROBOT]
+
+
+def id_of(person: Any, fields: PeopleFields) -> str:
+    """The id of a person as text, that of bytes as hexadecimal digits; empty: there is none."""
+    value = _find(person, fields.id) if fields.id else ""
+    if isinstance(value, np.ndarray | bytes):
+        return bytes(value).hex()
+    return "-1" if value == _NO_ID else str(value)
+
+
+def class_of(person: Any, fields: PeopleFields) -> str:
+    """The class of a person as text; empty: there is none."""
+    return str(_find(person, fields.label)) if fields.label else ""
+
+
+def places_of(people: Iterable[Any], fields: PeopleFields) -> np.ndarray:
+    """Positions of people, m; what is no number, or absurdly far away, is NaN. [N, 3]."""
+    found = (_find(one, fields.position) if fields.position else one for one in people)
+    places = np.array([_coordinates(position) for position in found], np.float64)
+    places = places.reshape(-1, 3)
+    return np.where(rule_of("position", places)[1], places, np.nan)
+
+
+def _coordinates(position: Any) -> tuple[float, float, float]:
+    if hasattr(position, "x") and hasattr(position, "y"):
+        return position.x, position.y, getattr(position, "z", 0.0)
+    if isinstance(position, list | tuple | np.ndarray) and len(position) >= 2:
+        return position[0], position[1], position[2] if len(position) > 2 else 0.0
+    rule = "it must be a message with x and y, or an array of numbers"
+    raise ValueRuleError("position", type(position).__name__, rule)
+
+
+def _find(message: Any, paths: str) -> Any:
+    """The value at the first path that exists and is not an origin; empty text for an empty path.
+
+    Raises:
+        ValueRuleError: there is none.
+    """
+    value: Any = None
+    for path in paths.split("|"):
+        found = _follow(message, path)
+        value = found if value is None else value
+        if found is not None and not _is_origin(found):
+            return found
+    if value is None:
+        fields = getattr(message, "__dataclass_fields__", {})
+        known = ", ".join(name for name in fields if not name.startswith("_"))
+        raise ValueRuleError("field", paths, f"{type(message).__name__} has {known}")
+    return value
+
+
+def _follow(message: Any, path: str) -> Any | None:
+    """The value at a path; None: a field is missing, or a list is empty."""
+    if not path:
+        return ""
+    for name in path.split("."):
+        if isinstance(message, list):
+            message = max(message, key=_score, default=None)
+        message = getattr(message, name, None)
+    return message
+
+
+def _score(entry: Any) -> float:
+    """The score of a result of vision_msgs, of every edition."""
+    return float(getattr(getattr(entry, "hypothesis", entry), "score", 0.0))
+
+
+def _is_origin(value: Any) -> bool:
+    return hasattr(value, "x") and not (value.x or value.y or getattr(value, "z", 0.0))
+
+
+# until bags and the node read PEOPLE_FIELDS
+from pedpred.ros.old_people import ADAPTERS as ADAPTERS  # noqa: E402
+from pedpred.ros.old_people import LABELLED as LABELLED  # noqa: E402
+from pedpred.ros.old_people import Nameless as Nameless  # noqa: E402
+from pedpred.ros.old_people import TrackNumbers as TrackNumbers  # noqa: E402
+from pedpred.ros.old_people import find_usable as find_usable  # noqa: E402

@@ -4,29 +4,18 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
-from functools import partial
 from pathlib import Path
-from typing import Any
-from warnings import catch_warnings, simplefilter
 
 import numpy as np
-import pandas as pd
-from mcap.records import Channel, Message, Metadata
 from mcap.well_known import SchemaEncoding
 from mcap.writer import Writer
 from tqdm import tqdm
 
-from pedpred.errors import InputError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.files import atomic_write, check_input, translate_errors
-from pedpred.ros.bag_files import BagFile
-from pedpred.ros.decoding import CDR
-from pedpred.ros.frames import Transform, check_frames
+from pedpred.files import atomic_write
 from pedpred.ros.markers import Colour, markers_message
-from pedpred.ros.mcap_reader import McapReader, records
-from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition, known_types, serialize
-from pedpred.ros.people import find_usable
+from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition, serialize
 from pedpred.ros.planning import (
     GRID_TYPE,
     PREDICTIONS,
@@ -41,13 +30,11 @@ from pedpred.ros.scene_messages import (
     Content,
     frames_message,
     map_message,
-    map_of_grid,
     nanoseconds,
     people_message,
-    people_rows,
 )
 from pedpred.scenes import Predictions, Scene, predicted_occupancy
-from pedpred.storage.tracks import tracks_of, tracks_table
+from pedpred.storage.tracks import tracks_table
 
 _log = logging.getLogger(__name__)
 _SCENE_RECORD = "pedpred.scene"
@@ -70,89 +57,6 @@ _LATCHED, _USUAL = (_QOS.format(durability=number, always=_ALWAYS) for number in
 first one transient local, so that later subscribers get the map, too."""
 _NOBODY = "time_s,track_id,x_m,y_m"
 """Columns of a recording without people, which has no message to say them."""
-
-
-def read_recording(path: Path, transform: Transform | None = None) -> Scene:
-    """Read a recording of `write_recording`, or any other with the same topics and types.
-
-    A file that is cut is read up to the cut, with a warning. A recording of another writer is named after the
-    file, its resolution is the shortest decimal that rounds to the map's float32, and the time between
-    detections is the median. Detections without a place, and second ones of a track in one instant, are left
-    out with a warning, and so is what is known of some detections only, such as velocities.
-
-    Args:
-        path: the file.
-        transform: of the people's frame, where it is not the map's.
-
-    Raises:
-        InputError: the file is no MCAP file or damaged, a topic is missing or has another type, or the
-            messages make no scene.
-    """
-    check_input(path)
-    problem = partial(InputError, path, None, remedy=_REMEDY)
-    rows: list[dict[str, Any]] = []
-    bag, last, topics, frames = McapReader([BagFile(path, path)]), b"", set(), set()
-    with translate_errors(lambda cause: problem(f"damaged, {cause}")):
-        for connection, _, raw in bag.messages():
-            topic, kind = connection.topic, connection.msgtype
-            if connection.encoding != CDR:
-                continue
-            topics.add(topic)
-            if topic not in (MAP, PEOPLE):
-                continue
-            if kind != TYPES[topic]:
-                raise problem(f"{topic} carries {kind}")
-            if topic == MAP:
-                last = raw
-                continue
-            message = known_types().deserialize_cdr(raw, kind)  # whatever definition the file has
-            frames |= {message.header.frame_id} if message.people else set()
-            with translate_errors(problem):
-                rows += people_rows(message)
-    for topic in (MAP, PEOPLE):
-        if topic not in topics:
-            listed = f"nothing on {topic}, only on {sorted(topics)}"
-            raise problem(f"{listed}; if it is a bag of ROS, name the topic of its people (--topic)")
-    about = bag.metadata.get(_SCENE_RECORD, {})
-    with translate_errors(problem):
-        grid = known_types().deserialize_cdr(last, TYPES[MAP])
-        check_frames(frames, grid.header.frame_id, transform)
-        nobody = {name: np.zeros(0) for name in about.get("columns", _NOBODY).split(",")}
-        table = pd.DataFrame(rows or nobody)
-        time_s, track_id = table["time_s"].to_numpy(), table["track_id"].to_numpy()
-        kept, left_out = find_usable(time_s, track_id, table[["x_m", "y_m"]].to_numpy())
-        if left_out:
-            _log.warning("%s: %s", path, left_out)
-        trajectories = tracks_of(_known_of_all(table[kept], path), path)
-        trajectories = trajectories if transform is None else transform.moved(trajectories)
-        occupancy = map_of_grid(grid, about.get("resolution_m"))
-        dt_s = float(about.get("detection_dt_s") or trajectories.usual_interval_s())
-        remarks: dict[str, Any] = {remark: about.get(remark) for remark in _REMARKS}
-        return Scene(about.get("name", path.stem), trajectories, occupancy, dt_s, **remarks)
-
-
-def _known_of_all(table: pd.DataFrame, path: Path) -> pd.DataFrame:
-    """The columns without those that some rows lack, about which there is a warning."""
-    lacking = table.isna().any()
-    if lacking.any():
-        known = (
-            f"{name} of {count} of {len(table)} detections"
-            for name, count in table.loc[:, lacking].count().items()
-        )
-        _log.warning("%s: left out, since others lack it: %s", path, ", ".join(known))
-    return table.loc[:, ~lacking]
-
-
-def is_recording(path: Path) -> bool:
-    """Whether a file is a recording of `write_recording`, or none of MCAP; others are bags."""
-    with suppress(Exception), catch_warnings():
-        simplefilter("ignore")
-        for record in records(BagFile(path, path)):
-            if isinstance(record, Channel | Message):
-                return False
-            if isinstance(record, Metadata) and record.name == _SCENE_RECORD:
-                return True
-    return True
 
 
 def check_recordable(scene: Scene, steps: int = 1, cell_m: float | None = None) -> None:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.ros.turned_maps import turned_map
 from pedpred.scenes import OccupancyMap
 from pedpred.scenes.occupancy import check_cells
+from pedpred.scenes.turned_maps import turned_map
 
 Content = dict[str, Any]
 """Fields of a message."""

@@ -21,7 +21,6 @@ from pedpred.online import OnlinePredictor
 from pedpred.online.warming import warm_up
 from pedpred.ros.message_types import TRANSFORMS, serialize
 from pedpred.ros.planning import GRID_TYPE, NO_MAP
-from pedpred.ros.turned_maps import warm_up_turning
 from pedpred.ros2.arrivals import Arrivals
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
 from pedpred.ros2.events import no_callbacks
@@ -133,7 +132,6 @@ class PedpredNode(LifecycleNode):
         _message_class(settings.people_type)
         _log.info("compiling what is not compiled yet: up to a minute")
         warm_up(settings.folder)
-        warm_up_turning()
         predictor = OnlinePredictor.load(settings.folder, settings.online())
         rehearse(predictor, settings)
         if settings.place is not None:

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_choice, check_ranges
 from pedpred.online import OnlineSettings
 from pedpred.ros.frame_tree import frame_name
 from pedpred.ros.people import ADAPTERS
 from pedpred.scenes.people import PERSON_CLASSES
+from pedpred.settings import check_choice, check_ranges
 
 _CHOICES: dict[str, Sequence[str]] = {
     "people_type": sorted(ADAPTERS),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.arrays import locked, real_number, real_numbers
+from pedpred.arrays import read_only, real_number, real_numbers
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.files import MOST_PIXELS
 
@@ -45,7 +45,7 @@ class OccupancyMap:
 
     def __post_init__(self) -> None:
         occupied = _blocked(self.occupied)
-        origin = locked(real_numbers("origin", self.origin), float)
+        origin = read_only(real_numbers("origin", self.origin), float)
         if origin.shape != (2,):
             raise ShapeError("origin", origin.shape, "(2,)")
         if not (np.abs(origin) <= FARTHEST_M).all():
@@ -135,4 +135,4 @@ def _blocked(values: Any) -> np.ndarray:
             row, column = np.argwhere(~clear)[0].tolist()
             rule = "cells are 1 (blocked) or 0 (free): decide about others first, such as `grid > 50`"
             raise ValueRuleError(f"occupied[{row}, {column}]", cells[[row], [column]].tolist()[0], rule)
-    return locked(cells, bool)
+    return read_only(cells, bool)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file, save
 
 from pedpred.errors import InputError
 from pedpred.files import atomic_write, read_json, translate_errors, write_text
@@ -19,7 +19,7 @@ _REMEDY = "Train the network again"
 def write_checkpoint(folder: Path, weights: dict[str, torch.Tensor], about: dict[str, Any]) -> None:
     """Write `weights.safetensors` and `about.json` (settings, widths of the inputs)."""
     with atomic_write(folder / "weights.safetensors") as new:
-        save_file({k: v.detach().cpu().contiguous() for k, v in weights.items()}, new)
+        new.write_bytes(save({k: v.detach().cpu().contiguous() for k, v in weights.items()}))
     write_text(folder / "about.json", json.dumps(about, indent=1, sort_keys=True) + "\n")
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -100,13 +101,27 @@ def write_blocks(
             writer.write_table(table, row_group_size=max(len(table), 1))
 
 
+def _leaf(field: pa.Field) -> str:
+    """Parquet's name of a column, or of what its lists hold."""
+    return f"{field.name}.list.element" if pa.types.is_fixed_size_list(field.type) else field.name
+
+
+def _to_arrow(values: np.ndarray) -> pa.Array:
+    if values.ndim == 1:
+        return pa.array(values)
+    width = int(np.prod(values.shape[1:]))
+    if values.dtype == np.uint8:
+        return pa.Array.from_buffers(pa.binary(width), len(values), [None, pa.py_buffer(values)])
+    return pa.FixedSizeListArray.from_arrays(pa.array(values.reshape(-1)), width)
+
+
 def read_about(path: Path) -> dict[str, Any]:
     """Read the values that `write_blocks` kept about a file.
 
     Raises:
         InputError: there are none, or the file is damaged.
     """
-    with translate_errors(partial(InputError, path, "schema", remedy=_REMEDY)):
+    with _errors_of(path):
         return parse_json(pq.read_schema(path).metadata[_ABOUT_KEY])
 
 
@@ -116,7 +131,7 @@ def column_names(path: Path) -> list[str]:
     Raises:
         InputError: the file is missing or damaged.
     """
-    with translate_errors(partial(InputError, path, "file", remedy=_REMEDY)):
+    with _errors_of(path):
         return pq.read_schema(path).names
 
 
@@ -124,9 +139,9 @@ def count_rows(path: Path) -> int:
     """Number of rows of a file.
 
     Raises:
-        InputError: the file is damaged.
+        InputError: the file is missing or damaged.
     """
-    with translate_errors(partial(InputError, path, "file", remedy=_REMEDY)):
+    with _errors_of(path):
         return pq.read_metadata(path).num_rows
 
 
@@ -145,19 +160,16 @@ def read_blocks(
 
     Args:
         path: a file of `write_blocks`.
-        shapes: wanted columns and their trailing axes, () for plain ones, -1 for any size.
+        shapes: wanted columns and their trailing axes, () for plain ones, (-1,) for any width.
         version: what the file must have been written with.
 
     Raises:
         InputError: the file is damaged or of another version, or a column is missing, not of
             numbers or of another shape; it names file and field.
     """
-    with (
-        translate_errors(partial(InputError, path, "file", remedy=_REMEDY)),
-        pq.ParquetFile(path, page_checksum_verification=True) as file,
-    ):
-        _check(path, file.schema_arrow, shapes, version)
-        row_bytes = sum(_width_bytes(path, file.schema_arrow.field(name)) for name in shapes)
+    with _errors_of(path), pq.ParquetFile(path, page_checksum_verification=True) as file:
+        _check_version(path, file.schema_arrow, version)
+        row_bytes = sum(_row_bytes(path, file.schema_arrow, *column) for column in shapes.items())
         largest = max(_LARGEST_BYTES, _DENSEST * path.stat().st_size)
         for group in range(file.num_row_groups):
             rows = file.metadata.row_group(group).num_rows
@@ -165,63 +177,48 @@ def read_blocks(
                 problem = f"{rows} rows of {row_bytes} bytes, but at most {largest} bytes are decoded at once"
                 raise InputError(path, "file", problem, _REMEDY)
             table = file.read_row_group(group, columns=list(shapes))
-            yield {name: _read_column(path, name, table, shape) for name, shape in shapes.items()}
+            yield {name: _to_numpy(path, name, table[name], shape) for name, shape in shapes.items()}
 
 
-def _check(path: Path, schema: pa.Schema, names: Iterable[str], version: int | None) -> None:
+def _errors_of(path: Path) -> AbstractContextManager[None]:
+    return translate_errors(partial(InputError, path, "file", remedy=_REMEDY))
+
+
+def _check_version(path: Path, schema: pa.Schema, version: int | None) -> None:
     stored = (schema.metadata or {}).get(_VERSION_KEY, b"none").decode()
     if version is not None and stored != str(version):
         raise InputError(path, "schema", f"version {stored}, expected {version}", _REMEDY)
-    for name in names:
-        if name not in schema.names:
-            raise InputError(path, f"column {name}", "it is missing", _REMEDY)
 
 
-def _width_bytes(path: Path, field: pa.Field) -> int:
+def _row_bytes(path: Path, schema: pa.Schema, name: str, shape: tuple[int, ...]) -> int:
     """Bytes of a column per row; only numbers, and lists and bytes of fixed length, are decoded."""
-    kind = field.type.value_type if pa.types.is_fixed_size_list(field.type) else field.type
-    if not any(known(kind) for known in (*_NUMBERS, pa.types.is_fixed_size_binary)):
-        raise InputError(path, f"column {field.name}", f"{field.type}, not numbers", _REMEDY)
-    count = field.type.list_size if pa.types.is_fixed_size_list(field.type) else 1
-    return count * -(-kind.bit_width // 8)
+    if name not in schema.names:
+        raise InputError(path, f"column {name}", "it is missing", _REMEDY)
+    kind = schema.field(name).type
+    value = kind.value_type if pa.types.is_fixed_size_list(kind) else kind
+    is_bytes = pa.types.is_fixed_size_binary(kind)
+    is_known = is_bytes or any(are_numbers(value) for are_numbers in _NUMBERS)
+    if not is_known or (shape != (-1,) and math.prod(shape) != _width(kind)):
+        problem = f"{kind}, not numbers of shape {shape} in each row"
+        raise InputError(path, f"column {name}", problem, _REMEDY)
+    return _width(kind) * (1 if is_bytes else -(-value.bit_width // 8))
 
 
-def _leaf(field: pa.Field) -> str:
-    """Parquet's name of a column, or of what its lists hold."""
-    return f"{field.name}.list.element" if pa.types.is_fixed_size_list(field.type) else field.name
-
-
-def _to_arrow(values: np.ndarray) -> pa.Array:
-    if values.ndim == 1:
-        return pa.array(values)
-    width = int(np.prod(values.shape[1:]))
-    if values.dtype == np.uint8:
-        return pa.Array.from_buffers(pa.binary(width), len(values), [None, pa.py_buffer(values)])
-    return pa.FixedSizeListArray.from_arrays(pa.array(values.reshape(-1)), width)
-
-
-def _read_column(path: Path, name: str, table: pa.Table, shape: tuple[int, ...]) -> np.ndarray:
-    column = table[name].combine_chunks()
-    try:
-        return _from_arrow(column, shape)
-    except ValueError as cause:
-        missing = f" with {column.null_count} missing values" if column.null_count else ""
-        problem = f"{column.type}{missing}, expected numbers of shape {shape} in each row"
-        raise InputError(path, f"column {name}", problem, _REMEDY) from cause
-
-
-def _from_arrow(column: pa.Array, shape: tuple[int, ...]) -> np.ndarray:
-    kind, rows = column.type, len(column)
-    if column.null_count:
-        raise ValueError(column.null_count)
+def _width(kind: pa.DataType) -> int:
+    """Number of values in each row of a column."""
     if pa.types.is_fixed_size_binary(kind):
-        width = kind.byte_width
+        return kind.byte_width
+    return kind.list_size if pa.types.is_fixed_size_list(kind) else 1
+
+
+def _to_numpy(path: Path, name: str, values: pa.ChunkedArray, shape: tuple[int, ...]) -> np.ndarray:
+    if values.null_count:
+        raise InputError(path, f"column {name}", f"{values.null_count} values are missing", _REMEDY)
+    column = values.combine_chunks()
+    kind, rows, width = column.type, len(column), _width(column.type)
+    if pa.types.is_fixed_size_binary(kind):
         flat = np.frombuffer(column.buffers()[1] or b"", np.uint8, rows * width, column.offset * width)
     else:
-        is_list = pa.types.is_fixed_size_list(kind)
-        width = kind.list_size if is_list else 1
-        values = column.flatten() if is_list else column
-        if not any(known(values.type) for known in _NUMBERS):
-            raise ValueError(values.type)
-        flat = values.to_numpy(zero_copy_only=False)
+        numbers = column.flatten() if pa.types.is_fixed_size_list(kind) else column
+        flat = numbers.to_numpy(zero_copy_only=False)
     return flat.reshape(rows, *((width,) if shape == (-1,) else shape))

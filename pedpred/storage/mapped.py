@@ -1,45 +1,48 @@
 """Arrays larger than memory: their rows lie in unnamed, memory-mapped files.
 
 The system loads the pages that are read and drops them when memory is short, so a data set of any size needs
-no memory of its own. Rows are written to the file, not assigned through the mapping: a full disk is then an
-`OSError`, where a mapping would end the process by a signal.
+no memory of its own. A killed process leaves no file.
 """
 
 from __future__ import annotations
 
-import mmap
+import tempfile
 import weakref
 from collections.abc import Iterable
 
 import numpy as np
 
 from pedpred.errors import ShapeError
-from pedpred.files import nameless
+from pedpred.files import SCRATCH
 
 
 class MappedRows:
     """An array that grows by blocks of rows on disk, [M, ...]."""
 
     def __init__(self, name: str) -> None:
-        """Begin without rows; the first block sets the width.
+        """Begin without rows; the first block sets width and type.
 
         Args:
             name: of the array, for errors.
 
         Raises:
-            OSError: no file can be made in the scratch folder, see `nameless`.
+            OSError: no file can be made in `SCRATCH`.
         """
-        self._name, self._file = name, nameless()
+        SCRATCH.mkdir(exist_ok=True)
+        self._name = name
+        self._file = tempfile.TemporaryFile(buffering=0, dir=SCRATCH)  # noqa: SIM115, closed with this object
         weakref.finalize(self, self._file.close)  # a mapping outlives its file
         self._rows = 0
         self._like: np.ndarray | None = None  # a block without rows
 
     def __len__(self) -> int:
-        """Rows so far."""
+        """Number of rows so far."""
         return self._rows
 
     def append(self, rows: np.ndarray) -> None:
         """Add rows behind the others, [m, ...].
+
+        They are written to the file, not assigned through a mapping, where a full disk would end the process.
 
         Raises:
             ShapeError: they are of another width or type than those before.
@@ -61,14 +64,14 @@ class MappedRows:
             self.append(rows)
 
     def array(self) -> np.ndarray:
-        """All rows that have been added, as long as someone holds the array: [M, ...].
+        """Return all rows that have been added, [M, ...]; the array is valid without this object.
 
         Raises:
             ShapeError: no block was ever added.
         """
         if self._like is None:
             raise ShapeError(self._name, (), "at least one block of rows")
-        if not self._file.tell():  # nothing cannot be mapped
-            return np.zeros((self._rows, *self._like.shape[1:]), self._like.dtype)
-        mapped = mmap.mmap(self._file.fileno(), 0)
-        return np.frombuffer(mapped, self._like.dtype).reshape(self._rows, *self._like.shape[1:])
+        shape = (self._rows, *self._like.shape[1:])
+        if not self._file.tell():  # an empty file cannot be mapped
+            return np.zeros(shape, self._like.dtype)
+        return np.asarray(np.memmap(self._file, self._like.dtype, "r+", shape=shape))

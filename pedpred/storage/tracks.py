@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -74,5 +75,5 @@ def read_parquet_tracks(path: Path) -> Trajectories:
         problem = f"{rows} rows of {len(names)} numbers, at most {MOST_NUMBERS} numbers are read"
         raise InputError(path, "file", problem, "Divide the recording")
     columns = read_columns(path, dict.fromkeys(names, ()))
-    with translate_errors(lambda problem: InputError(path, "file", problem, _REMEDY)):
+    with translate_errors(partial(InputError, path, "file", remedy=_REMEDY)):
         return tracks_of(columns, path)

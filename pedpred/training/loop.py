@@ -15,7 +15,7 @@ from typing import Any
 
 import torch
 from safetensors import safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor, nn
 from tqdm import tqdm
 
@@ -215,7 +215,7 @@ def save_progress(folder: Path | None, progress: Progress, learner: Learner) -> 
         tensors |= {f"optimizer.{index}.{k}": v for k, v in moments.items()}
     about = {"about": json.dumps({"step": progress.step, "curve": progress.curve})}
     with atomic_write(folder / "progress.safetensors") as new:
-        save_file({k: v.detach().clone().contiguous() for k, v in tensors.items()}, new, metadata=about)
+        new.write_bytes(save({k: v.detach().clone().contiguous() for k, v in tensors.items()}, about))
 
 
 def load_progress(folder: Path | None, learner: Learner) -> Progress | None:

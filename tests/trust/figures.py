@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from pedpred.baselines.registry import BASELINES
-from pedpred.command.prediction import robot_for
+from pedpred.command.prediction import predictor_for
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.scores import integrate_truth
 from pedpred.evaluation.windows import ask_about_windows
@@ -33,7 +33,7 @@ SECONDS = 20.0  # simulated time, short enough that differences in rounding stay
 
 def as_on_a_robot(scene: Scene) -> dict[str, float]:
     """Mean errors of the committed network and of the methods of present motion, m."""
-    scores = assess(scene, robot_for(scene, MODEL), EvaluationSettings())
+    scores = assess(scene, predictor_for(scene, MODEL), EvaluationSettings())
     return {method: round(float(own.error_m.mean()), 5) for method, own in scores.items()}
 
 

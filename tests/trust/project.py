@@ -88,8 +88,12 @@ def started(folder: Path, stage: str, **options: Any) -> subprocess.Popen:
 
 
 def results(folder: Path) -> dict[str, str]:
-    """Compute the checksum of every file that the pipeline has written, by path."""
+    """Compute the checksum of every file that the pipeline has written, by path.
+
+    Temporary files of killed writers stay for a day, and do not count.
+    """
     files = [p for top in ("data", "models", "reports") for p in (folder / top).rglob("*") if p.is_file()]
+    files = [p for p in files if not (p.name.startswith(".") and ".tmp" in p.suffixes)]
     files.append(folder / "dvc.lock")
     return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 

@@ -18,7 +18,7 @@ from pedpred.command.prediction import read_tracker
 from pedpred.evaluation.forecasts import read_windows
 from pedpred.models.registry import load_network
 from pedpred.report import measures
-from pedpred.ros import read_bag, read_recording
+from pedpred.ros import read_bag
 from pedpred.sources import SOURCES
 from pedpred.storage.scenes import read_map, read_scene
 from pedpred.storage.shards import read_embeddings, write_embeddings
@@ -111,13 +111,11 @@ READERS = {
     ),
     "checkpoint": Reader(examples.make_checkpoint, ("weights.safetensors", "about.json"), load_network),
     "model": Reader(export, ("model.json", "network.onnx"), examples.read_model),
-    "recording": Reader(examples.make_recording, ("place.mcap",), at("place.mcap", read_recording)),
-    "open recording": Reader(examples.make_open_recording, ("place.mcap",), at("place.mcap", read_recording)),
     "ROS 1 bag": Reader(at("hall.bag", bag(Stores.ROS1_NOETIC)), ("hall.bag",), at("hall.bag", read_bag)),
-    "ROS 2 bag": Reader(at("hall", bag(ROS2)), ("hall/metadata.yaml", "hall/hall.db3"), at("hall", read_bag)),
+    "ROS 2 bag": Reader(at("hall", bag(ROS2)), ("hall/hall.db3",), at("hall", read_bag)),
     "ROS 2 bag (MCAP)": Reader(
         at("hall", bag(ROS2, storage=StoragePlugin.MCAP)),
-        ("hall/metadata.yaml", "hall/hall.mcap"),
+        ("hall/hall.mcap",),
         at("hall", read_bag),
     ),
     "compressed bag": Reader(

@@ -1,23 +1,17 @@
 """Foreign files are read right or refused by name; the short version of `make trust`."""
 
 import json
-import os
-import shutil
-import signal
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from pedpred.errors import InputError
-from pedpred.files import MOST_PIXELS, atomic_write, write_text
+from pedpred.files import MOST_PIXELS
 from pedpred.reading import FORMATS, format_of
 from pedpred.reading.options import ReadOptions
 from pedpred.sources import SOURCES
 from pedpred.storage.scenes import read_map, read_scene, write_scene
-from tests.conftest import ROOT
 from tests.field_formats import WRITERS
 from tests.trust import trial
 from tests.trust.examples import place
@@ -129,129 +123,3 @@ def test_a_map_far_beyond_the_largest_is_refused_before_its_pixels_are_decoded(f
     (folder / "map.pgm").write_bytes(b"P5\n40000 25000\n255\n")
     with pytest.raises(InputError, match="pixels"):
         read_map(folder)
-
-
-# Whole or not at all
-
-
-@pytest.fixture
-def page(tmp_path):
-    write_text(tmp_path / "new" / "page.md", "old")
-    return tmp_path / "new" / "page.md"
-
-
-def test_a_file_appears_when_all_of_it_is_there(page):
-    with atomic_write(page) as new:
-        new.write_text("half")
-        assert page.read_text() == "old"
-        new.write_text("whole")
-    assert page.read_text() == "whole"
-    assert list(page.parent.iterdir()) == [page]
-
-
-@pytest.mark.parametrize("failure", [KeyboardInterrupt("mine"), KeyError("mine")])
-def test_a_failure_leaves_the_old_file_and_nothing_else(page, failure):
-    """And stays what it is."""
-
-    def interrupted():
-        with atomic_write(page) as new:
-            new.write_text("half")
-            raise failure
-
-    with pytest.raises(type(failure), match="mine"):
-        interrupted()
-    assert page.read_text() == "old"
-    assert list(page.parent.iterdir()) == [page]
-
-
-def test_a_writer_killed_in_the_middle_leaves_the_old_file(page):
-    script = (
-        "import os, pathlib, signal, sys; from pedpred.files import atomic_write\n"
-        "with atomic_write(pathlib.Path(sys.argv[1])) as new:\n"
-        "    new.write_text('half')\n"
-        "    os.kill(os.getpid(), signal.SIGKILL)"
-    )
-    done = subprocess.run([sys.executable, "-c", script, str(page)], cwd=ROOT, check=False)
-    assert done.returncode == -signal.SIGKILL
-    assert page.read_text() == "old"
-    write_text(page, "new")
-    assert list(page.parent.iterdir()) == [page], "the next writer cleans up"
-
-
-def test_two_writers_of_one_file_do_not_mix_their_bytes(tmp_path):
-    path = tmp_path / "page.md"
-    with atomic_write(path) as first, atomic_write(path) as second:
-        first.write_text("first")
-        second.write_text("second")
-        assert first != second
-        assert not path.exists()
-    assert path.read_text() == "first", "the block that ends last"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-@pytest.fixture
-def precious(tmp_path):
-    """A folder that is not a writer's, with a file of the output's name and another one."""
-    folder = tmp_path / "precious"
-    folder.mkdir()
-    for name in ("out.mcap", "other.txt"):
-        (folder / name).write_text("precious")
-    return folder
-
-
-def contents(folder):
-    """What lies below a folder, links unfollowed: name -> kind, text or target."""
-    found = {}
-    for path in sorted(folder.rglob("*")):
-        kind = path.readlink() if path.is_symlink() else None if path.is_dir() else path.read_text()
-        found[str(path.relative_to(folder))] = kind
-    return found
-
-
-LEFT_THERE = {
-    "a link to a folder": lambda there, precious: there.symlink_to(precious),
-    "a link to a file": lambda there, precious: there.symlink_to(precious / "out.mcap"),
-    "a link to nothing": lambda there, precious: there.symlink_to(precious / "nothing"),
-    "a chain of links": lambda there, precious: (
-        (precious / "link").symlink_to(precious),
-        there.symlink_to(precious / "link"),
-    ),
-    "a link to itself": lambda there, precious: there.symlink_to(there),
-    "a file": lambda there, precious: there.write_text("precious"),
-    "a folder with other content": lambda there, precious: shutil.copytree(precious, there),
-    "a folder of somebody else": lambda there, precious: (
-        there.mkdir(),
-        (there / "out.mcap").write_text("precious"),
-        os.chown(there, 12345, 12345),
-    ),
-}
-
-
-@pytest.mark.parametrize("kind", LEFT_THERE)
-def test_what_has_the_name_of_a_writer_s_folder_is_left_alone(kind, precious, tmp_path):
-    if kind == "a folder of somebody else" and os.geteuid():
-        pytest.skip("needs root")
-    LEFT_THERE[kind](tmp_path / ".out.mcap.new-0", precious)
-    before = contents(tmp_path)
-    write_text(tmp_path / "out.mcap", "new")
-    assert contents(tmp_path) == before | {"out.mcap": "new"}
-
-
-def test_an_unfinished_file_that_is_a_link_is_removed_and_not_followed(precious, tmp_path):
-    folder = tmp_path / ".out.mcap.new-0"
-    folder.mkdir()
-    (folder / "out.mcap").symlink_to(precious / "out.mcap")
-    write_text(tmp_path / "out.mcap", "new")
-    assert (precious / "out.mcap").read_text() == "precious"
-    assert (tmp_path / "out.mcap").read_text() == "new"
-    assert not folder.exists()
-
-
-def test_an_output_that_is_a_link_is_replaced_and_not_followed(precious, tmp_path):
-    for target in (precious / "out.mcap", precious / "nothing"):
-        (tmp_path / "out.mcap").unlink(missing_ok=True)
-        (tmp_path / "out.mcap").symlink_to(target)
-        write_text(tmp_path / "out.mcap", "new")
-        assert not (tmp_path / "out.mcap").is_symlink()
-    assert (precious / "out.mcap").read_text() == "precious"
-    assert not (precious / "nothing").exists()

@@ -15,17 +15,17 @@ import base64
 import gzip
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.fields import check_ranges
 from pedpred.models.lstm.features.grids import angular_grids, occupancy_crops
 from pedpred.report.animation import LONGEST_GAP, busiest_start
 from pedpred.report.methods import Methods
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turn_points
 from pedpred.scenes import OccupancyMap, Predictions, Scene
+from pedpred.settings import In, Settings
 
 TAIL_S = 2.0
 """Time before the stretch for which detections are kept, s."""
@@ -40,7 +40,7 @@ _UNITS |= {"tail_s": TAIL_S}
 
 
 @dataclass(frozen=True)
-class ReplaySettings:
+class ReplaySettings(Settings):
     """What is kept of each scene.
 
     Attributes:
@@ -51,12 +51,9 @@ class ReplaySettings:
     """
 
     methods: tuple[str, ...]
-    duration_s: float
-    modes: int
-    least_weight: float
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"duration_s": "(0, 36000]", "modes": "[1, 1000]", "least_weight": "[0, 1]"})
+    duration_s: Annotated[float, In("(0, 36000]")]
+    modes: Annotated[int, In("[1, 1000]")]
+    least_weight: Annotated[float, In("[0, 1]")]
 
 
 @dataclass(frozen=True)

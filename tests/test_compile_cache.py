@@ -1,0 +1,291 @@
+"""The cache of compiled loops: no file of it is stale, damage and lack of a folder are no errors."""
+
+import concurrent.futures
+import importlib
+import os
+import pkgutil
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pedpred
+from pedpred.compiled import compiled, contents
+from tests.conftest import ROOT
+from tests.forked import run_forked
+
+MODULES = {
+    "outer.py": """
+from typing import NamedTuple
+
+import numpy as np
+
+from inner import inside
+from limits import LIMIT, WEIGHTS
+from pedpred.compiled import compiled
+
+
+class Pair(NamedTuple):
+    first: float
+    second: float
+
+
+@compiled
+def outside(values, pair):
+    \"\"\"Sum up.\"\"\"
+    total = 0.0
+    for value in values:
+        total += inside(value) * WEIGHTS[0]
+    return min(total, LIMIT) + 1000.0 * pair.first
+""",
+    "inner.py": """
+import math
+
+from pedpred.compiled import compiled
+
+
+@compiled
+def inside(value):
+    return 2.0 * deeper(value)
+
+
+@compiled
+def deeper(value):
+    return math.sqrt(value)
+""",
+    "limits.py": """
+import numpy as np
+
+LIMIT = 500.0
+WEIGHTS = np.array([10.0])
+UNUSED = 1.0
+""",
+}
+SCRIPT = """
+import logging
+import sys
+
+import numpy as np
+from numba.core.event import Listener, register
+
+compiled = []
+
+class Compiling(Listener):
+    def on_start(self, event):
+        compiled.append(event.data["dispatcher"].py_func.__name__)
+
+    def on_end(self, event):
+        pass
+
+register("numba:compile", Compiling())
+from outer import Pair, outside
+
+named = {"first": 1.0, "second": 2.0}
+value = outside(np.arange(4.0), Pair(**named))
+print(value, " ".join(sorted({"outside", "inside", "deeper"} & set(compiled))))
+"""
+VALUE = 20.0 * (1.0 + np.sqrt(2.0) + np.sqrt(3.0)) + 1000.0
+
+
+def run(folder, cache, script=SCRIPT, **environment):
+    """Run in a process of its own: the value that a loop gives, names of compiled loops, stderr."""
+    environment = {"NUMBA_CACHE_DIR": str(cache), **environment, "PYTHONPATH": f"{folder}:{ROOT}"}
+    done = run_forked(script, folder, {k: v for k, v in (os.environ | environment).items() if v})
+    assert done.returncode == 0, done.stderr
+    value, *names = done.stdout.split()
+    return float(value), names, done.stderr
+
+
+@pytest.fixture(scope="module")
+def before(tmp_path_factory):
+    """A package with loops, and the cache after it has run."""
+    folder, cache = tmp_path_factory.mktemp("loops"), tmp_path_factory.mktemp("cache")
+    for name, text in MODULES.items():
+        (folder / name).write_text(text)
+    value, names, _ = run(folder, cache)
+    assert value == pytest.approx(VALUE)
+    assert names == ["deeper", "inside", "outside"]
+    return folder, cache
+
+
+@pytest.fixture
+def copied(before, tmp_path):
+    """The same package, as it was again afterwards, and a copy of the cache."""
+    folder, cache = before[0], tmp_path / "cache"
+    shutil.copytree(before[1], cache)
+    yield folder, cache
+    for name, text in MODULES.items():
+        if (folder / name).read_text() != text:
+            edit(folder / name, (folder / name).read_text(), text)
+
+
+def edit(path, old, new):
+    """As a careless editor or archive does it: the time of the file stays."""
+    about, text = path.stat(), path.read_text()
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new))
+    os.utime(path, ns=(about.st_atime_ns, about.st_mtime_ns))
+
+
+def cached(cache):
+    return sorted(path.name for path in cache.rglob("*.loop"))
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "value"),
+    [
+        ("inner.py", "2.0 * deeper", "3.0 * deeper", 1.5 * (VALUE - 1000.0) + 1000.0),
+        ("inner.py", "math.sqrt", "math.sin ", None),
+        ("limits.py", "500.0", " 50.0", 1050.0),
+        ("limits.py", "10.0", "20.0", 2.0 * (VALUE - 1000.0) + 1000.0),
+        ("outer.py", "first: float\n    second: float", "second: float\n    first: float", VALUE),
+    ],
+    ids=["a loop that is called", "one that this calls", "a constant", "an array", "the order of fields"],
+)
+def test_edited_code_and_constants_are_compiled_again(copied, tmp_path, name, old, new, value):
+    folder, cache = copied
+    edit(folder / name, old, new)
+    found, names, _ = run(folder, cache)
+    assert "outside" in names
+    assert found == run(folder, tmp_path / "empty")[0]
+    assert value is None or found == pytest.approx(value)
+
+
+def test_two_versions_of_the_code_are_cached_side_by_side(copied):
+    folder, cache = copied
+    edit(folder / "inner.py", "2.0 * deeper", "3.0 * deeper")
+    assert "deeper" not in run(folder, cache)[1]
+    edit(folder / "inner.py", "3.0 * deeper", "2.0 * deeper")
+    assert run(folder, cache)[:2] == (pytest.approx(VALUE), [])
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [("outer.py", "Sum up.", "Add up, the limit included."), ("limits.py", "UNUSED = 1.0", "UNUSED = 2.0")],
+)
+def test_comments_docstrings_and_unused_names_do_not_count(copied, name, old, new):
+    folder, cache = copied
+    edit(folder / name, old, new)
+    edit(folder / "inner.py", "import math", "# a comment\n\nimport math")
+    assert run(folder, cache)[:2] == (pytest.approx(VALUE), [])
+
+
+DAMAGES = {
+    "empty": lambda raw: b"",
+    "cut": lambda raw: raw[: len(raw) // 2],
+    "one bit": lambda raw: raw[: len(raw) // 2] + bytes([raw[len(raw) // 2] ^ 1]) + raw[len(raw) // 2 + 1 :],
+    "other pickle": lambda raw: b"cos\nsystem\n(S'exit'\ntR." + raw,
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_file_is_compiled_again_and_replaced(copied, damage):
+    folder, cache = copied
+    for path in filter(Path.is_file, cache.rglob("*")):
+        path.write_bytes(DAMAGES[damage](path.read_bytes()))
+    value, names, _ = run(folder, cache)
+    assert (value, names) == (pytest.approx(VALUE), ["deeper", "inside", "outside"])
+    assert run(folder, cache)[:2] == (pytest.approx(VALUE), [])
+
+
+def no_folder(tmp_path):
+    (tmp_path / "file").touch()
+    return {"NUMBA_CACHE_DIR": str(tmp_path / "file")}, ""
+
+
+def no_home(tmp_path):
+    return {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", "HOME": "/dev/null"}, ""
+
+
+def full_disk(tmp_path):
+    """Room for messages, and for no file of the cache."""
+    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
+    return {"NUMBA_CACHE_DIR": str(tmp_path / "full")}, limit
+
+
+@pytest.mark.parametrize("place", [no_folder, no_home, full_disk])
+def test_without_a_cache_loops_are_compiled_with_one_warning(before, tmp_path, place):
+    environment, first = place(tmp_path)
+    value, names, log = run(before[0], tmp_path, first + SCRIPT, **environment)
+    assert (value, names) == (pytest.approx(VALUE), ["deeper", "inside", "outside"])
+    assert log.count("NUMBA_CACHE_DIR") == 1
+    assert not cached(tmp_path)
+
+
+def test_a_cache_that_cannot_be_written_is_read(before, tmp_path):
+    """As in the image of a container, with code compiled when it was made; here the disk is full."""
+    assert run(*before, full_disk(tmp_path)[1] + SCRIPT) == (pytest.approx(VALUE), [], "")
+
+
+def test_the_cache_is_in_the_folders_of_the_user(before, tmp_path):
+    run(before[0], "", XDG_CACHE_HOME=str(tmp_path / "xdg"))
+    run(before[0], "", XDG_CACHE_HOME="", HOME=str(tmp_path / "home"))
+    folders = tmp_path / "xdg" / "pedpred" / "compiled", tmp_path / "home" / ".cache" / "pedpred" / "compiled"
+    assert [len(cached(folder)) for folder in folders] == [3, 3]
+    assert all(folder.stat().st_mode & 0o077 == 0 for folder in folders)
+
+
+def test_processes_that_compile_at_once_share_a_cache(before, tmp_path):
+    with concurrent.futures.ThreadPoolExecutor(3) as pool:
+        values = [value for value, _, _ in pool.map(lambda _: run(before[0], tmp_path), range(3))]
+    assert values == [pytest.approx(VALUE)] * 3
+    assert run(before[0], tmp_path)[1] == []
+
+
+def test_files_unused_for_half_a_year_are_removed(copied):
+    folder, cache = copied
+    old, other = cache / "pedpred" / "old.loop", cache / "pedpred" / "foreign.txt"
+    for path in (old, other):
+        path.write_text("")
+        os.utime(path, (0, 0))
+    edit(folder / "inner.py", "2.0 * deeper", "3.0 * deeper")
+    run(folder, cache)
+    assert not old.exists()
+    assert other.exists()
+
+
+LIMITS = np.array([1.0])
+
+
+def test_a_loop_that_reads_a_dict_or_method_is_refused():
+    settings = {"limit": 1.0}
+
+    def reads_a_dict():
+        return settings["limit"]
+
+    def reads_a_module():
+        return Path.cwd
+
+    for loop, name in ((reads_a_dict, "settings"), (reads_a_module, "Path")):
+        with pytest.raises(TypeError, match=name):
+            contents(loop)
+        with pytest.raises(TypeError, match=name):
+            compiled(loop)()
+
+
+def test_the_contents_of_mutually_recursive_loops_are_finite():
+    one = compiled(lambda n: other(n - 1) if n else 0)
+    other = compiled(lambda n: one(n - 1) if n else 0)
+    assert len(contents(one.py_func)) == 2
+    assert contents(one.py_func) == contents(one.py_func)
+
+
+def test_a_loop_that_changes_in_a_process_is_not_cached(monkeypatch):
+    """The former one may be compiled into others by then."""
+
+    def reads_limits():
+        return LIMITS[0]
+
+    assert contents(reads_limits) is not None
+    monkeypatch.setitem(globals(), "LIMITS", np.array([2.0]))
+    assert contents(reads_limits) is None
+
+
+def test_every_loop_of_the_package_can_be_cached():
+    elsewhere = "__main__", "ros2.node"  # a command, and what needs a ROS
+    names = [one.name for one in pkgutil.walk_packages(pedpred.__path__, "pedpred.")]
+    modules = [importlib.import_module(name) for name in names if not name.endswith(elsewhere)]
+    loops = {value.py_func for one in modules for value in vars(one).values() if hasattr(value, "py_func")}
+    assert all(contents(loop) for loop in loops)
+    assert len(loops) > 50

@@ -1,0 +1,224 @@
+"""Files are replaced as a whole or not at all; missing inputs and bad outputs are named."""
+
+import os
+import signal
+import stat
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import pedpred
+from pedpred.command.recordings import open_scene, read_ground_at
+from pedpred.errors import InputError, OutputError, ShapeError, ValueRuleError
+from pedpred.files import (
+    as_path,
+    atomic_write,
+    check_input,
+    check_output,
+    read_bytes,
+    translate_errors,
+    write_text,
+)
+from pedpred.online.shipped import default_model
+from pedpred.ros import read_bag
+from tests.conftest import ROOT
+from tests.disk import small_files
+
+KILLED = """
+import os, pathlib, signal, sys
+from pedpred.files import atomic_write
+
+with atomic_write(pathlib.Path(sys.argv[1])) as new:
+    new.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+WALKS = pd.DataFrame({"time": [0.0, 0.4], "id": 1, "x": [0.0, 0.4], "y": 0.0})
+
+
+@pytest.fixture
+def page(tmp_path):
+    write_text(tmp_path / "new" / "page.md", "old")
+    return tmp_path / "new" / "page.md"
+
+
+# Writing
+
+
+def test_a_file_is_replaced_when_the_block_ends(page):
+    with atomic_write(page) as new:
+        new.write_text("half")
+        assert page.read_text() == "old"
+        new.write_text("whole")
+    assert page.read_text() == "whole"
+    assert list(page.parent.iterdir()) == [page]
+
+
+def test_a_temporary_file_has_the_suffix_of_the_file(page):
+    """Libraries choose a format by it."""
+    with atomic_write(page) as new:
+        new.touch()
+    assert (new.parent, new.suffix) == (page.parent, page.suffix)
+
+
+def test_a_new_file_has_the_usual_permissions(page):
+    (page.parent / "usual").touch()
+    modes = [stat.S_IMODE(path.stat().st_mode) for path in page.parent.iterdir()]
+    assert modes[0] == modes[1]
+
+
+@pytest.mark.parametrize(
+    "failure", [KeyboardInterrupt("mine"), KeyError("mine"), PermissionError(13, "mine")]
+)
+def test_a_failed_writer_leaves_the_old_file_alone(page, failure):
+    def interrupted():
+        with atomic_write(page) as new:
+            new.write_text("half")
+            raise failure
+
+    with pytest.raises(type(failure)):
+        interrupted()
+    assert page.read_text() == "old"
+    assert list(page.parent.iterdir()) == [page]
+
+
+def test_a_killed_writer_leaves_the_old_file(page):
+    done = subprocess.run([sys.executable, "-c", KILLED, str(page)], cwd=ROOT, check=False)
+    assert done.returncode == -signal.SIGKILL
+    assert page.read_text() == "old"
+    write_text(page, "new")
+    (left,) = set(page.parent.iterdir()) - {page}
+    assert left.read_text() == "half", "it may be that of a running writer"
+    os.utime(left, times=(0, time.time() - 90_000))
+    for name in ("page.txt", "another.md"):
+        write_text(page.with_name(name), "of another file")
+        assert left.exists()
+    write_text(page, "newer")
+    assert not left.exists()
+    assert page.read_text() == "newer"
+
+
+def test_concurrent_writers_leave_one_whole_file(tmp_path):
+    path, texts = tmp_path / "page.md", [letter * 1_000_000 for letter in "abcdefgh"]
+    with ThreadPoolExecutor(len(texts)) as pool:
+        list(pool.map(partial(write_text, path), texts))
+    assert path.read_text() in texts
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_of_nested_writers_the_last_to_end_wins(tmp_path):
+    path = tmp_path / "page.md"
+    with atomic_write(path) as first, atomic_write(path) as second:
+        first.write_text("first")
+        second.write_text("second")
+        assert not path.exists()
+    assert path.read_text() == "first"
+
+
+def test_a_link_is_replaced_and_not_followed(tmp_path):
+    target, link = tmp_path / "precious.md", tmp_path / "page.md"
+    target.write_text("precious")
+    link.symlink_to(target)
+    write_text(link, "new")
+    assert (link.read_text(), link.is_symlink()) == ("new", False)
+    assert target.read_text() == "precious"
+
+
+@pytest.mark.parametrize("size", [0, 40])
+def test_a_full_disk_is_an_output_error_that_keeps_the_file(size, page):
+    with small_files(size), pytest.raises(OutputError, match="make room") as refused:
+        write_text(page, "new" * 100)
+    assert refused.value.path == page
+    assert page.read_text() == "old"
+    assert list(page.parent.iterdir()) == [page]
+
+
+@pytest.mark.parametrize("folder", [False, True, None])
+def test_checking_an_output_changes_nothing(folder, tmp_path):
+    check_output(tmp_path / "new" / "below", folder)
+    (tmp_path / "old").touch() if folder is False else (tmp_path / "old").mkdir()
+    check_output(tmp_path / "old", folder)
+    assert os.listdir(tmp_path) == ["old"]
+
+
+@pytest.mark.parametrize("output", ["", "pipe", "file/below.json", "a" * 300, "a\0b"])
+def test_an_output_that_cannot_be_written_is_refused(output, tmp_path):
+    (tmp_path / "file").touch()
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OutputError):
+        check_output(tmp_path / output)
+    assert sorted(os.listdir(tmp_path)) == ["file", "pipe"]
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="needs a user other than root")
+def test_a_folder_without_write_access_is_refused(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputError):
+        check_output(tmp_path / "x.json")
+
+
+# Reading
+
+
+def load_place(path):
+    pedpred.OnlinePredictor.load().load_place(path)
+
+
+READERS = {
+    "map": read_ground_at,
+    "recording": open_scene,
+    "map of a table": lambda path: pedpred.predict(WALKS, path),
+    "model": pedpred.OnlinePredictor.load,
+    "model of a table": lambda path: pedpred.predict(WALKS, model=path),
+    "learned place": load_place,
+    "bag": read_bag,
+}
+
+
+@pytest.mark.parametrize("read", READERS.values(), ids=READERS)
+def test_a_missing_input_is_named_whatever_its_suffix(read, tmp_path):
+    for name in ("nowhere", "nowhere.yaml", "nowhere.png", "nowhere.wkt", "nowhere.json", "nowhere/model"):
+        with pytest.raises(InputError, match="there is no such") as refused:
+            read(tmp_path / name)
+        assert refused.value.path == tmp_path / name
+
+
+def test_a_folder_is_no_file_and_a_file_no_folder(tmp_path):
+    with pytest.raises(InputError, match="it is a folder"):
+        load_place(tmp_path)
+    with pytest.raises(InputError, match="it is a file"):
+        pedpred.OnlinePredictor.load(Path(default_model()) / "model.json")
+
+
+def test_a_pipe_is_no_input(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="pipe"):
+        check_input(tmp_path / "pipe")
+
+
+def test_an_error_of_a_decoder_names_the_file_and_keeps_its_cause(tmp_path):
+    with (
+        pytest.raises(InputError, match="none") as refused,
+        translate_errors(partial(InputError, tmp_path, "x")),
+    ):
+        (tmp_path / "none").read_bytes()
+    assert (refused.value.path, refused.value.where) == (tmp_path, "x")
+    assert isinstance(refused.value.__cause__, FileNotFoundError)
+
+
+def test_a_file_is_read_up_to_its_largest_size(page):
+    assert read_bytes(page, 3) == b"old"
+    with pytest.raises(ShapeError):
+        read_bytes(page, 2)
+
+
+@pytest.mark.parametrize("value", [5, b"hall.json", ["hall.json"], None])
+def test_an_argument_that_is_no_path_is_refused_by_name(value):
+    with pytest.raises(ValueRuleError) as refused:
+        as_path("folder", value)
+    assert refused.value.field == "folder"

@@ -1,0 +1,155 @@
+"""Who is who in a stream of messages: by ids where these stay with people, else by position."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pedpred.errors import ValueRuleError
+from pedpred.ros.identities import Identities, TrackNumbers, are_identities
+
+
+def numbers_of(identities, messages):
+    """Numbers of the people in messages of (ids, positions), 0.1 s apart."""
+    return [
+        identities.number(100.0 + 0.1 * k, ids, np.reshape(places, (-1, 2)).astype(float)).tolist()
+        for k, (ids, places) in enumerate(messages)
+    ]
+
+
+def crossing(count=40, name=lambda k, person: f"{person + 3}"):
+    """Two people whose ways cross, listed in turn in either order, and who each of them is."""
+    messages, who = [], []
+    for k in range(count):
+        places = [(0.13 * k - 2.0, 0.0), (0.0, 0.11 * k - 3.0)]
+        order = [0, 1] if k % 2 else [1, 0]
+        messages.append(([name(k, person) for person in order], [places[person] for person in order]))
+        who.append(order)
+    return messages, who
+
+
+@given(st.lists(st.text(max_size=3) | st.integers(-(2**70), 2**70).map(str) | st.just("007"), unique=True))
+def test_different_names_have_different_numbers(names):
+    numbers = TrackNumbers()
+    once, again = ([numbers.number(name) for name in names] for _ in "ab")
+    assert once == again
+    assert len(set(once)) == len(names)
+    assert all(-(2**63) <= number < 2**63 for number in once)
+
+
+def test_whole_numbers_stay_and_other_names_get_some():
+    numbers = TrackNumbers()
+    assert [numbers.number(name) for name in ("7", "anna", 12, "007", "anna")] == [7, -1, 12, -2, -1]
+
+
+@pytest.mark.parametrize("mode", ["auto", "given"])
+def test_ids_that_stay_are_the_numbers(mode):
+    messages, who = crossing()
+    expected = [[person + 3 for person in order] for order in who]
+    assert numbers_of(Identities(mode), messages) == expected
+    recorded = Identities(mode, recording=[ids for ids, _ in messages])
+    assert numbers_of(recorded, messages) == expected
+
+
+NO_IDENTITIES = {
+    "empty": lambda k, person: "",
+    "-1": lambda k, person: "-1",
+    "NaN": lambda k, person: "NaN",
+    "shared": lambda k, person: "7",
+    "new": lambda k, person: f"{2 * k + person}",
+}
+
+
+@pytest.mark.parametrize("kind", NO_IDENTITIES)
+def test_people_without_identities_are_assigned_in_a_recording(kind):
+    messages, who = crossing(name=NO_IDENTITIES[kind])
+    numbers = numbers_of(Identities(recording=[ids for ids, _ in messages]), messages)
+    assert numbers == [[{0: 2, 1: 1}[person] for person in order] for order in who]
+
+
+@pytest.mark.parametrize("kind", NO_IDENTITIES)
+def test_people_without_identities_are_assigned_live(kind):
+    """From the tenth message on: before, ids that are new could be those of new people."""
+    messages, who = crossing(name=NO_IDENTITIES[kind])
+    numbers = numbers_of(Identities(), messages)
+    by_person = {
+        person: {row[order.index(person)] for row, order in zip(numbers[9:], who[9:], strict=True)}
+        for person in (0, 1)
+    }
+    assert [len(found) for found in by_person.values()] == [1, 1]
+
+
+def test_a_type_without_ids_is_assigned():
+    messages, who = crossing(name=lambda k, person: "")
+    assert numbers_of(Identities(has_ids=False), messages) == [
+        [{0: 2, 1: 1}[person] for person in order] for order in who
+    ]
+
+
+def test_assigned_people_do_not_depend_on_ids():
+    messages, _ = crossing()
+    bare, _ = crossing(name=lambda k, person: "")
+    assert numbers_of(Identities("assigned"), messages) == numbers_of(Identities("assigned"), bare)
+
+
+@pytest.mark.parametrize("ids", [["1", ""], ["1", "1"], ["nan", "2"]])
+def test_given_ids_must_be_there_and_differ(ids):
+    with pytest.raises(ValueRuleError) as error:
+        Identities("given").number(0.0, ids, np.zeros((2, 2)))
+    assert error.value.field == "id"
+
+
+def test_an_unknown_mode_is_refused():
+    with pytest.raises(ValueRuleError) as error:
+        Identities("sometimes")
+    assert error.value.field == "identities"
+
+
+@pytest.mark.parametrize("is_live", [True, False])
+def test_people_without_an_id_among_others_are_assigned(is_live):
+    messages = [(["5", "", ""], [(0.1 * k, 0.0), (8.0, 0.1 * k), (-8.0, 0.1 * k)]) for k in range(20)]
+    identities = Identities(recording=None if is_live else [ids for ids, _ in messages])
+    numbers = numbers_of(identities, messages)
+    assert numbers == [[5, -1, -2]] * 20
+    assert identities.names == {-1: "#1", -2: "#2"}
+    assert identities.name(5) == "5"
+    assert identities.unnamed == 40
+
+
+def test_minus_one_is_an_id_among_negative_ids():
+    messages = [(["-1", "-2"], [(0.1 * k, 0.0), (8.0, 0.1 * k)]) for k in range(20)]
+    identities = Identities(recording=[ids for ids, _ in messages])
+    numbers_of(identities, messages)
+    assert set(identities.names.values()) == {"-1", "-2"}
+
+
+def test_ids_count_again_once_people_have_some():
+    """As of a tracker that names people when it is sure of them."""
+    unnamed, _ = crossing(30, name=lambda k, person: "")
+    messages = [*unnamed, *crossing(60)[0][30:]]
+    assert set(map(frozenset, numbers_of(Identities(), messages)[-10:])) == {frozenset({3, 4})}
+
+
+def test_a_crowd_that_is_named_anew_keeps_its_new_ids():
+    """In one message all ids are new, not in one after the other."""
+    messages = [
+        ([str(n + 1000 * (k >= 15)) for n in range(50)], [(n % 10 + 0.1 * k, n // 10) for n in range(50)])
+        for k in range(30)
+    ]
+    assert numbers_of(Identities(), messages)[-1] == [n + 1000 for n in range(50)]
+
+
+def test_names_that_are_not_used_any_more_are_forgotten():
+    """A stream that goes on for ever names ever more people."""
+    identities = Identities(kept_s=2.0)
+    numbers = numbers_of(identities, [([f"anna{k // 30}"], [(0.0, 0.0)]) for k in range(90)])
+    assert numbers[-1] == [-3]
+    assert identities.names == {-3: "anna2"}
+
+
+@pytest.mark.parametrize(
+    ("messages", "expected"),
+    [([], True), ([["1"], ["2"]], True), ([[""], [], []], False), ([["1", "2"]] * 9 + [[""]], True)],
+)
+def test_few_messages_do_not_show_that_ids_change(messages, expected):
+    assert are_identities(messages) == expected

@@ -1,0 +1,209 @@
+"""Transforms by the rules of tf2: last parent, interpolation and no extrapolation, limits of live streams."""
+
+from types import SimpleNamespace as Message
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation, Slerp
+
+from pedpred.ros.tf import (
+    LONGEST_GAP_S,
+    MOST_FRAMES,
+    MOST_POSES,
+    Frames,
+    interpolate,
+    inverse,
+    rotate_points,
+)
+
+SEEDS = st.integers(0, 2**32)
+STILL = Rotation.identity()
+
+
+def transform(parent, child, time_s=0.0, turn=STILL, offset=(0.0, 0.0, 0.0)):
+    """A tf2_msgs/TFMessage with one transform."""
+    stamp = Message(sec=int(time_s), nanosec=round(time_s % 1 * 1e9))
+    translation = Message(**dict(zip("xyz", map(float, offset), strict=True)))
+    rotation = Message(**dict(zip("xyzw", turn.as_quat().tolist(), strict=True)))
+    pose = Message(translation=translation, rotation=rotation)
+    header = Message(stamp=stamp, frame_id=parent)
+    return Message(transforms=[Message(header=header, child_frame_id=child, transform=pose)])
+
+
+def frames_of(*messages, fixed=False, kept_s=None):
+    frames = Frames(kept_s)
+    for message in messages:
+        frames.add(message, 0.0, fixed)
+    return frames
+
+
+def x_of(frames, time_s, frame="base", target="map"):
+    """Where the origin of a frame is on the x axis of another one."""
+    return frames.placed(np.zeros((1, 3)), time_s, frame, target)[0, 0]
+
+
+def moving(times_s, parent="map", kept_s=None):
+    """The frame base, which moves along x at 1 m/s."""
+    poses = (transform(parent, "base", time_s, offset=(time_s, 0.0, 0.0)) for time_s in times_s)
+    return frames_of(*poses, kept_s=kept_s)
+
+
+@given(SEEDS)
+def test_rotations_are_those_of_scipy(seed):
+    rng = np.random.default_rng(seed)
+    ends = Rotation.from_quat(rng.normal(size=(6, 4)))
+    points, part = rng.normal(0.0, 10.0, (6, 3)), rng.choice([0.0, 1.0, rng.uniform()], 5)
+    np.testing.assert_allclose(rotate_points(ends.as_quat(), points), ends.apply(points), atol=1e-12)
+    back = rotate_points(inverse(ends.as_quat()), points)
+    np.testing.assert_allclose(back, ends.inv().apply(points), atol=1e-12)
+    between = Rotation.from_quat(interpolate(ends.as_quat()[:-1], ends.as_quat()[1:], part))
+    assert (between * Slerp(np.arange(6.0), ends)(np.arange(5) + part).inv()).magnitude().max() < 1e-9
+
+
+@given(SEEDS)
+def test_points_go_through_all_frames_and_back(seed):
+    """Both ends hang below a third frame."""
+    rng = np.random.default_rng(seed)
+    poses = {child: (Rotation.from_quat(rng.normal(size=4)), rng.normal(size=3)) for child in "abc"}
+    parents = {"a": "b", "b": "top", "c": "top"}
+    frames = frames_of(*(transform(parents[child], child, 0.0, *poses[child]) for child in "abc"), fixed=True)
+    points = rng.normal(size=(4, 3))
+    expected = points
+    for child in "ab":
+        expected = poses[child][0].apply(expected) + poses[child][1]
+    expected = poses["c"][0].inv().apply(expected - poses["c"][1])
+    placed = frames.placed(points, 7.0, "a", "c")
+    np.testing.assert_allclose(placed, expected, atol=1e-12)
+    np.testing.assert_allclose(frames.placed(placed, 7.0, "c", "a"), points, atol=1e-12)
+    np.testing.assert_array_equal(frames.placed(points, 7.0, "a", "a"), points)
+
+
+@pytest.mark.parametrize("time_s", [10.0, 10.03, 10.25, 10.5])
+def test_poses_are_interpolated(time_s):
+    assert x_of(moving([10.0, 10.1, 10.5, 10.5]), time_s) == pytest.approx(time_s)
+
+
+def test_each_point_has_its_own_time():
+    times_s = np.array([10.4, 10.0, 9.0, 10.3])
+    placed = moving([10.0, 10.5]).placed(np.zeros((4, 3)), times_s, "base", "map")
+    np.testing.assert_allclose(placed[:, 0], np.where(times_s < 10.0, np.nan, times_s))
+
+
+@pytest.mark.parametrize("time_s", [9.99, 10.51, 10.5 + LONGEST_GAP_S])
+def test_poses_are_not_extrapolated(time_s):
+    frames = moving([10.0, 10.5])
+    assert np.isnan(x_of(frames, time_s))
+    assert "'base' in 'map'" in frames.lack("base", "map", time_s)
+
+
+def test_a_long_gap_is_not_interpolated_if_the_frame_moves():
+    frames = moving([10.0, 10.1, 11.2])
+    assert np.isnan(x_of(frames, 10.6))
+    assert frames.lack("base", "map", 10.6)
+    assert not frames.lack("base", "map", 11.2)
+    still = frames_of(*(transform("map", "base", time_s, offset=(3.0, 0.0, 0.0)) for time_s in (10.0, 20.0)))
+    assert x_of(still, 15.0) == 3.0
+    assert (frames.moves("base"), still.moves("base")) == (True, False)
+
+
+def test_a_fixed_frame_is_there_at_all_times():
+    frames = frames_of(transform("map", "base", 5.0, offset=(2.0, 0.0, 0.0)), fixed=True)
+    assert x_of(frames, 0.0) == x_of(frames, 1e9) == 2.0
+    assert frames.age_s("base", "map", 1e9) is None
+    assert not frames.moves("base")
+
+
+def test_the_last_parent_of_a_frame_wins():
+    frames = moving([10.0, 10.1])
+    frames.add(transform("odom", "base", 10.05), 0.0, False)
+    assert frames.chain("base") == ["base", "odom"]
+    assert np.isnan(x_of(frames, 10.05))
+    assert frames.lack("base", "map", 10.05)
+
+
+def test_a_loop_is_no_way_to_the_map():
+    frames = frames_of(transform("a", "b"), transform("b", "a"))
+    assert frames.chain("a") == ["a", "b"]
+    assert frames.lack("a", "map", 0.0)
+
+
+def test_impossible_poses_are_left_out():
+    broken = transform("map", "base", 0.0, offset=(np.nan, 0.0, 0.0))
+    unturned = transform("map", "base", 0.0)
+    unturned.transforms[0].transform.rotation.w = 0.0
+    assert frames_of(broken, unturned, transform("base", "base")).chain("base") == ["base"]
+
+
+def test_transforms_without_a_stamp_are_of_their_arrival():
+    frames = Frames()
+    frames.add(transform("map", "base"), 12.5, False)
+    assert not frames.lack("base", "map", 12.5)
+
+
+def test_names_have_no_leading_slash():
+    assert frames_of(transform("/map", "/base")).chain("base") == ["base", "map"]
+
+
+def test_the_age_is_that_of_the_oldest_link():
+    frames = moving([10.0, 10.5], parent="odom")
+    frames.add(transform("map", "odom", 8.0), 0.0, False)
+    assert frames.age_s("base", "map", 11.0) == 3.0
+    assert frames.age_s("base", "odom", 11.0) == 0.5
+    assert frames.age_s("base", "elsewhere", 11.0) == np.inf
+
+
+# Live streams
+
+
+def test_old_poses_are_forgotten():
+    times_s = 100.0 + np.arange(0.0, 40.0, 0.1)
+    live, kept = moving(times_s, kept_s=10.0), moving(times_s)
+    assert x_of(live, 130.0) == x_of(kept, 130.0) == pytest.approx(130.0)
+    assert np.isnan(x_of(live, 110.0))
+    assert x_of(kept, 110.0) == pytest.approx(110.0)
+
+
+def test_the_memory_of_a_live_stream_is_bounded():
+    """At 10 kHz, and with a frame for each person."""
+    frames = moving(np.linspace(100.0, 105.0, 5 * MOST_POSES), kept_s=10.0)
+    assert len(frames._edges["base"]._samples) <= 2 * 8 * MOST_POSES + 8
+    frames.add(transform("map", "camera"), 0.0, True)
+    for number in range(2 * MOST_FRAMES):
+        frames.add(transform("map", f"person_{number}"), 0.0, False)
+    assert len(frames._edges) == MOST_FRAMES
+    assert frames.chain("camera") == ["camera", "map"]
+    assert frames.chain("base") == ["base"]
+
+
+def test_a_frame_whose_time_goes_back_is_begun_anew():
+    """As where a simulation restarts; other frames stay."""
+    frames = moving([100.0, 100.1], kept_s=10.0)
+    frames.add(transform("map", "other", 100.0), 0.0, False)
+    frames.add(transform("map", "base", 5.0, offset=(7.0, 0.0, 0.0)), 0.0, False)
+    assert x_of(frames, 5.0) == 7.0
+    assert np.isnan(x_of(frames, 100.1))
+    assert not frames.lack("other", "map", 100.0)
+
+
+# Robots
+
+
+@pytest.mark.parametrize(
+    ("odometry", "base", "fixed", "frame", "expected"),
+    [
+        ("odom", "base_link", "camera", "camera", "odom"),
+        ("vio", "r2/base_footprint", "r2/base_link", "r2/base_link", "vio"),
+        ("r2_odom", "body", "lidar", "lidar", "r2_odom"),
+        ("camera_init", "base_link", "camera", "camera_init", "camera_init"),
+        ("map", "base_link", "camera", "camera", ""),
+    ],
+)
+def test_odometry_is_where_the_base_moves(odometry, base, fixed, frame, expected):
+    frames = frames_of(transform(base, fixed), fixed=True)
+    frames.add(transform(odometry, base, 1.0), 0.0, False)
+    if odometry != "map":
+        frames.add(transform("map", odometry, 1.0), 0.0, False)
+    assert frames.odometry(frame, "map") == expected
+    assert frames.base(frame) == (base if "base" in base else "")
