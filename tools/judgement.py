@@ -18,10 +18,10 @@ from pedpred.fields import parsed, parsed_each
 from pedpred.online.assessment import NETWORK, assess
 from pedpred.online.network import read_origin
 from pedpred.report.comparison import metrics_at, metrics_now
-from pedpred.report.rows import PromiseRow
 from pedpred.scenes import Scene
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
+from stages.rows import PromiseRow
 from tools.programs import git
 from tools.verdicts import (
     ROOMS,

@@ -9,8 +9,8 @@ from typing import Any, Literal
 from pedpred.errors import ValueRuleError
 from pedpred.fields import check_choice, check_mapping, check_ranges, parsed
 from pedpred.report.document import NOTHING
-from pedpred.report.measures import Figures, Result, bounds_of
 from pedpred.report.methods import Methods
+from pedpred.report.results import SIGNED_GAP, Figures, Result
 
 Verdict = Literal["met", "missed", "not measured"]
 _KINDS = ("below", "gains", "ratio_at_least")
@@ -89,13 +89,18 @@ def judge(expected: Expectation, figures: Figures, methods: Methods) -> Finding:
     claim = f"{first.label} below {second.label}"
     if expected.kind == "ratio_at_least":
         claim = f"{first.label} / {second.label} at least {expected.bound:.2f}"
-    if not {first.key, second.key} <= figures.keys() or not figures[second.key]["ade_m"]:
+    one, two = (figures.get(method.key, "ade_m") for method in (first, second))
+    if one is None or two is None or not two.value:
         return Finding(claim, NOTHING, "not measured")
-    one, two = figures[first.key]["ade_m"], figures[second.key]["ade_m"]
+    return _decided(claim, expected, one.value, two.value, in_the_noise(figures, first.key))
+
+
+def _decided(claim: str, expected: Expectation, one: float, two: float, unsure: bool) -> Finding:
+    """Decide about two errors; `unsure`: their difference may be 0."""
     measured, holds = f"{one:.3f} m {'<' if one < two else '≥'} {two:.3f} m", one < two
     if expected.kind == "gains":
         measured = better_than(one, two)
-        if in_the_noise(figures[first.key]):
+        if unsure:
             measured += ", but the interval of the difference includes 0"
     elif expected.kind == "ratio_at_least":
         measured, holds = f"{one / two:.3f}", one / two >= expected.bound
@@ -110,10 +115,10 @@ def better_than(one: float, other: float) -> str:
     return f"{abs(gain):.1%} {'better' if gain >= 0 else 'worse'}".replace("%", " %")
 
 
-def in_the_noise(metrics: Mapping[str, Any]) -> bool:
-    """Whether the interval of the paired difference to the reference includes zero."""
-    interval = bounds_of(metrics, "ade_m_minus_reference")
-    return interval is not None and interval[0] <= 0.0 <= interval[1]
+def in_the_noise(figures: Figures, method: str) -> bool:
+    """Whether the interval of a method's paired difference to the reference includes zero."""
+    gap = figures.get(method, SIGNED_GAP)
+    return gap is not None and gap.bounds is not None and gap.bounds[0] <= 0.0 <= gap.bounds[1]
 
 
 def sum_up(findings: Sequence[tuple[str, Finding]]) -> str:
