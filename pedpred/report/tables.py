@@ -51,23 +51,20 @@ def pivot(
 
 
 def metric_cell(row: Any) -> Cell:
-    """Write a figure; its interval is a tooltip."""
-    text, bounds, unit = _written(row)
-    return Cell(text, _address(row), remark=f"95 % interval {bounds} {unit}" if bounds else "")
+    """Write a figure; its interval is a tooltip, and stands behind a paired difference to the reference."""
+    value, bounds = figure_of(row)
+    if row.figure != SIGNED_GAP:
+        text, words, unit = _written(row)
+        return Cell(text, _address(row), remark=f"95 % interval {words} {unit}" if words else "")
+    if bounds is None:
+        return Cell(NOTHING)
+    return Cell(f"{value:+.3f}", _address(row), interval(bounds, "+"), remark="paired difference")
 
 
 def study_cell(row: Any) -> Cell:
     """Write a figure of several studies of a place, followed by its interval."""
     text, bounds, unit = _written(row)
     return Cell(text, f"{row.study}.{_address(row)}", bounds, unit)
-
-
-def gap_cell(row: Any) -> Cell:
-    """Write a paired difference to the reference method with its sign, m; a dash without an interval."""
-    value, bounds = figure_of(row)
-    if bounds is None:
-        return Cell(NOTHING)
-    return Cell(f"{value:+.3f}", _address(row), interval(bounds, "+"), remark="paired difference")
 
 
 def _written(row: Any) -> tuple[str, str, str]:
@@ -116,17 +113,15 @@ def without_own_gap(frame: pd.DataFrame, methods: Methods) -> pd.DataFrame:
 
 def metrics_table(result: Result, methods: Methods) -> Table:
     """The first metrics of a test set, a row per method."""
-    figures, marks = result.figures, whiskers(result.figures)
-    keys, names = metric_keys(figures)[0], methods.ordered(figures.methods)
-    frame = without_own_gap(figures.frame, methods)
-    cells = pivot(frame, ["method", "figure"], names, keys, metric_cell)
-    gaps = pivot(frame, ["method", "figure"], names, [SIGNED_GAP], gap_cell)
+    figures, marks, keys = result.figures, whiskers(result.figures), metric_keys(result.figures)[0]
+    names, frame = methods.ordered(figures.methods), without_own_gap(figures.frame, methods)
+    cells = pivot(frame, ["method", "figure"], names, [*keys, SIGNED_GAP], metric_cell)
     rows = []
-    for name, own, gap in zip(names, cells, gaps, strict=True):
+    for name, own in zip(names, cells, strict=True):
         size = f"{figures.value(name, 'windows'):.0f} windows of {figures.value(name, 'tracks'):.0f} tracks"
         bounds = interval(figures.ade_bounds(name))
-        first = replace(own[0], bounds=bounds, remark=size, whisker=marks[name])
-        rows.append(_row(name, [first, *own[1:], *gap], methods))
+        own[0] = replace(own[0], bounds=bounds, remark=size, whisker=marks[name])
+        rows.append(_row(name, own, methods))
     gap_title = f"ADE minus {methods.reference.label} [m]"
     return Table(["method", *map(metric_title, keys), gap_title], rows)
 
@@ -170,7 +165,7 @@ def scenes_table(result: Result, methods: Methods) -> Table:
     windows = frame[frame["figure"] == "windows"].groupby("place")["value"].max()
     places = [f"{result.name}_{scene}" for scene in result.parts]
     errors = pivot(frame[frame["figure"] == "ade_m"], ["place", "method"], places, names, metric_cell)
-    gaps = pivot(frame[frame["method"] == main.key], ["place", "figure"], places, [SIGNED_GAP], gap_cell)
+    gaps = pivot(frame[frame["method"] == main.key], ["place", "figure"], places, [SIGNED_GAP], metric_cell)
     rows = [
         Row([Cell(scene), Cell(f"{windows[place]:.0f}"), *own, *gap])
         for scene, place, own, gap in zip(result.parts, places, errors, gaps, strict=True)
