@@ -21,7 +21,7 @@ from pedpred.report.findings import Expectation, judge_expectations, sum_up
 from pedpred.report.gather import Evaluated, scene_names, study_page
 from pedpred.report.methods import Method, Methods
 from pedpred.report.places import places_section, places_table, ratios_table, relative_errors, wins
-from pedpred.report.results import SIGNED_GAP, read_metrics, results_frame, results_of
+from pedpred.report.results import ADE_GAP, read_metrics, results_frame, results_of
 from pedpred.report.sections import answer
 from pedpred.report.tables import calibration_table, further_table, metrics_table, steps_table
 from tests.conftest import ROOT
@@ -187,7 +187,7 @@ def test_a_row_of_metrics_holds_figures_and_intervals():
 
 def test_a_figure_without_an_interval_has_none_in_a_table():
     metrics = metrics_of(MEETING)
-    metrics["lstm"] |= {f"{key}_ci95": [None, None] for key in ("moving_ade_m", SIGNED_GAP)}
+    metrics["lstm"] |= {f"{key}_ci95": [None, None] for key in ("moving_ade_m", ADE_GAP)}
     row = metrics_table(result_of(metrics), METHODS).rows[-1]
     assert (row.cells[3].tip, row.cells[-1].text) == ("", "-")
 

@@ -101,15 +101,14 @@ def _main_table(figures: pd.DataFrame, places: Sequence[str], main: Method) -> s
         "per_step_coverage_90": ("90 % region holds at 3 s", lambda row: Cell(f"{100 * row.value:.0f} %")),
     }
     last = figures.sort_values("step", ascending=False, kind="stable")
-    body = []
-    for place in places:
-        own = last[last["place"] == place]
-        for study, training in _TRAININGS.items():
-            if study in set(own["study"]):
-                (cells,) = pivot(
-                    own, ("study", "figure"), [study], columns, lambda r: columns[r.figure][1](r)
-                )
-                body.append(Row([Cell(_words(place)), Cell(training), *cells]))
+    last = last.assign(line=list(zip(last["place"], last["study"], strict=True)))
+    lines = [(place, study) for place in places for study in _TRAININGS]
+    lines = [line for line in lines if line in set(last["line"])]
+    cells = pivot(last, ("line", "figure"), lines, columns, lambda row: columns[row.figure][1](row))
+    body = [
+        Row([Cell(_words(place)), Cell(_TRAININGS[study]), *own])
+        for (place, study), own in zip(lines, cells, strict=True)
+    ]
     titles = [title for title, _ in columns.values()]
     return Table([f"{main.label}, unseen place", "training", *titles], body).markdown("")
 
@@ -137,9 +136,8 @@ def pages(root: Path) -> dict[Path, str]:
     methods = Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
     tables = tables_from(studies, methods)
     if literature := metrics_now(root / "reports/metrics").get("literature"):
-        beside = literature_tables(
-            results_frame({"literature": literature}), params["report"]["published"], methods
-        )
+        frame, published = results_frame({"literature": literature}), params["report"]["published"]
+        beside = literature_tables(frame, published, methods)
         tables |= {name: table.markdown("") for name, table in beside.items()}
     files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
     return {path: filled(text, tables) for path in files if _MARKED.search(text := path.read_text())}

@@ -15,8 +15,8 @@ from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.metrics.calibration import REGIONS, coverage, share_inside, shown_steps
 from pedpred.report.canvas import FAINT, blank, styled
 from pedpred.report.methods import Methods
-from pedpred.report.results import Result
-from pedpred.report.tables import STEPS, scale_of
+from pedpred.report.results import STEPS, Result
+from pedpred.report.tables import scale_of
 
 _READING = "below the dashed line: overconfident,\nabove it: underconfident"
 _SHARES = np.linspace(0.0, 0.99, 100)

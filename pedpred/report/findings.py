@@ -10,7 +10,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.fields import check_choice, check_mapping, check_ranges, parsed
 from pedpred.report.document import NOTHING
 from pedpred.report.methods import Methods
-from pedpred.report.results import SIGNED_GAP, Figures, Result
+from pedpred.report.results import ADE_GAP, Figures, Result
 
 Verdict = Literal["met", "missed", "not measured"]
 _KINDS = ("below", "gains", "ratio_at_least")
@@ -113,7 +113,7 @@ def better_than(one: float, other: float) -> str:
 
 def in_the_noise(figures: Figures, method: str) -> bool:
     """Whether the interval of a method's paired difference to the reference includes zero."""
-    gap = figures.get(method, SIGNED_GAP)
+    gap = figures.get(method, ADE_GAP)
     return gap is not None and gap.bounds is not None and gap.bounds[0] <= 0.0 <= gap.bounds[1]
 
 

@@ -165,10 +165,5 @@ def _training(curves: Mapping[str, pd.DataFrame], methods: Methods) -> list[Sect
     if not curves:
         return []
     caption = _VALIDATED + _FINE_TUNING * any(name.startswith("finetune") for name in curves)
-    return [
-        Section(
-            "Training",
-            [Pictures([Picture("training", caption, training_figure(curves, methods))])],
-            "training",
-        )
-    ]
+    picture = Picture("training", caption, training_figure(curves, methods))
+    return [Section("Training", [Pictures([picture])], "training")]

@@ -22,11 +22,12 @@ COLUMNS = ("study", "place", "method", "figure", "step", "value", "low", "high")
 for each step of the forecast, from 1; `low` and `high` are the 95 % interval, NaN where there is none."""
 REFERENCE_GAP = "_minus_reference"
 """Ending of the figures that are paired differences to the reference method."""
-SIGNED_GAP = f"ade_m{REFERENCE_GAP}"
+ADE_GAP = f"ade_m{REFERENCE_GAP}"
 
 _INTERVAL = "_ci95"
-_NEEDED = ("ade_m", "ade_m_ci95", "windows", "tracks", "per_step_m")
-NEEDED = (*_NEEDED, *(f"per_step_q{q}_m" for q in (25, 50, 75)))
+STEPS = ("per_step_m", "per_step_q25_m", "per_step_q50_m", "per_step_q75_m")
+"""Mean and quartiles of the error at each step."""
+NEEDED = ("ade_m", f"ade_m{_INTERVAL}", "windows", "tracks", *STEPS)
 """What every method in a metric file must have."""
 _MANY = 3
 
@@ -82,7 +83,7 @@ def _items(node: Any) -> Iterable[tuple[str, Any]]:
 
 
 def figure_of(row: Any) -> Figure:
-    """The figure in a row of the table, of which an interval may have one end only if it has both."""
+    """The figure in a row of the table."""
     bounds = None if pd.isna(row.low) or pd.isna(row.high) else (float(row.low), float(row.high))
     return Figure(float(row.value), bounds)
 

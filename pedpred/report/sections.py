@@ -10,7 +10,7 @@ import pandas as pd
 from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
 from pedpred.report.findings import Paper, better_than, in_the_noise, judge_expectations, sum_up
 from pedpred.report.methods import Methods
-from pedpred.report.results import SIGNED_GAP, Figures, Result
+from pedpred.report.results import ADE_GAP, Figures, Result
 from pedpred.report.tables import (
     calibration_table,
     findings_table,
@@ -78,7 +78,7 @@ def answer(result: Result, methods: Methods) -> str:
     )
     if reference.key not in figures.methods:
         return text + f"; the {reference.label} was not evaluated."
-    other_m, gap = figures.value(reference.key), figures.get(main.key, SIGNED_GAP)
+    other_m, gap = figures.value(reference.key), figures.get(main.key, ADE_GAP)
     gain, than = better_than(error_m, other_m), f"the {reference.label}'s {other_m:.3f} m"
     words = ""
     if gap is not None and gap.bounds is not None and main != reference:
@@ -104,18 +104,11 @@ def expectations_section(results: Sequence[Result], methods: Methods, paper: Pap
 
 def parts_sections(results: Sequence[Result], methods: Methods) -> list[Section]:
     """Single scenes of pooled test sets."""
-    return [
-        Section(
-            "Single scenes",
-            [
-                Text(f"ADE, m. {below_in(result.parts.values(), methods)}"),
-                scenes_table(result, methods),
-            ],
-            folded=True,
-        )
-        for result in results
-        if result.parts
-    ]
+    sections = []
+    for result in (result for result in results if result.parts):
+        wins = Text(f"ADE, m. {below_in(result.parts.values(), methods)}")
+        sections.append(Section("Single scenes", [wins, scenes_table(result, methods)], folded=True))
+    return sections
 
 
 def below_in(scenes: Iterable[Figures], methods: Methods) -> str:

@@ -13,15 +13,13 @@ from pedpred.metrics.calibration import REGIONS, shown_steps
 from pedpred.report.document import NOTHING, Cell, Row, Table, Whisker
 from pedpred.report.findings import Finding
 from pedpred.report.methods import Methods
-from pedpred.report.results import SIGNED_GAP, Figures, Result, figure_of
+from pedpred.report.results import ADE_GAP, STEPS, Figures, Result, figure_of
 
 FIRST = (
     *("ade_m", "fde_m", "min_ade_m_k6", "moving_ade_m", "nll"),
     *("obstacle_share", "collision_share", "mode_collision_share"),
 )
 """Metrics of the first table; all others follow in a second one."""
-STEPS = ("per_step_m", "per_step_q25_m", "per_step_q50_m", "per_step_q75_m")
-"""Mean and quartiles of the error at each step."""
 _OUTLIER = 1.6
 """A method whose error ends this much above all others' does not set the scale."""
 
@@ -52,13 +50,12 @@ def pivot(
 
 def metric_cell(row: Any) -> Cell:
     """Write a figure; its interval is a tooltip, and stands behind a paired difference to the reference."""
-    value, bounds = figure_of(row)
-    if row.figure != SIGNED_GAP:
-        text, words, unit = _written(row)
-        return Cell(text, _address(row), remark=f"95 % interval {words} {unit}" if words else "")
-    if bounds is None:
-        return Cell(NOTHING)
-    return Cell(f"{value:+.3f}", _address(row), interval(bounds, "+"), remark="paired difference")
+    if row.figure == ADE_GAP:
+        value, bounds = figure_of(row)
+        words = interval(bounds, "+") if bounds else ""
+        return Cell(f"{value:+.3f}", _address(row), words, remark="paired difference")
+    text, words, unit = _written(row)
+    return Cell(text, _address(row), remark=f"95 % interval {words} {unit}" if words else "")
 
 
 def study_cell(row: Any) -> Cell:
@@ -105,17 +102,17 @@ def metric_keys(figures: Figures) -> tuple[list[str], list[str]]:
     return [key for key in shown if key in FIRST], [key for key in shown if key not in FIRST]
 
 
-def without_own_gap(frame: pd.DataFrame, methods: Methods) -> pd.DataFrame:
-    """Drop differences of the reference method to itself."""
-    own = (frame["method"] == methods.reference.key) & (frame["figure"] == SIGNED_GAP)
-    return frame[~own]
+def _with_gaps(frame: pd.DataFrame, methods: Methods) -> pd.DataFrame:
+    """Drop differences without an interval, and those of the reference method to itself."""
+    useless = (frame["method"] == methods.reference.key) | frame["low"].isna()
+    return frame[~(useless & (frame["figure"] == ADE_GAP))]
 
 
 def metrics_table(result: Result, methods: Methods) -> Table:
     """The first metrics of a test set, a row per method."""
     figures, marks, keys = result.figures, whiskers(result.figures), metric_keys(result.figures)[0]
-    names, frame = methods.ordered(figures.methods), without_own_gap(figures.frame, methods)
-    cells = pivot(frame, ["method", "figure"], names, [*keys, SIGNED_GAP], metric_cell)
+    names, frame = methods.ordered(figures.methods), _with_gaps(figures.frame, methods)
+    cells = pivot(frame, ["method", "figure"], names, [*keys, ADE_GAP], metric_cell)
     rows = []
     for name, own in zip(names, cells, strict=True):
         size = f"{figures.value(name, 'windows'):.0f} windows of {figures.value(name, 'tracks'):.0f} tracks"
@@ -161,11 +158,11 @@ def further_table(result: Result, methods: Methods) -> Table:
 def scenes_table(result: Result, methods: Methods) -> Table:
     """ADE of every method in every scene of a test set, a row per scene."""
     main, frame = methods.main, pd.concat([own.frame for own in result.parts.values()])
-    frame, names = without_own_gap(frame, methods), methods.ordered(frame["method"])
+    frame, names = _with_gaps(frame, methods), methods.ordered(frame["method"])
     windows = frame[frame["figure"] == "windows"].groupby("place")["value"].max()
     places = [f"{result.name}_{scene}" for scene in result.parts]
     errors = pivot(frame[frame["figure"] == "ade_m"], ["place", "method"], places, names, metric_cell)
-    gaps = pivot(frame[frame["method"] == main.key], ["place", "figure"], places, [SIGNED_GAP], metric_cell)
+    gaps = pivot(frame[frame["method"] == main.key], ["place", "figure"], places, [ADE_GAP], metric_cell)
     rows = [
         Row([Cell(scene), Cell(f"{windows[place]:.0f}"), *own, *gap])
         for scene, place, own, gap in zip(result.parts, places, errors, gaps, strict=True)
