@@ -51,7 +51,7 @@ from pedpred.training.distributed import DeviceSettings, ThreadSettings
 from stages.drive import trials_of
 from stages.features import features_of, kalman_of, protocol_of
 from stages.literature import comparison_of
-from stages.rows import (
+from stages.row_types import (
     FoldRow,
     OnlineRows,
     PageRows,

@@ -22,7 +22,7 @@ from pedpred.report.page.player import Replay, ReplaySettings, replay
 from pedpred.report.places import places_section
 from pedpred.report.results import results_frame
 from pedpred.report.simulation_page import flow_section
-from stages.rows import PageRows
+from stages.row_types import PageRows
 
 PAGES = ("sim", "real")
 """Studies with a page of their own; the others are compared with these."""

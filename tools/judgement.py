@@ -21,7 +21,7 @@ from pedpred.report.comparison import metrics_at, metrics_now
 from pedpred.scenes import Scene
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
-from stages.rows import PromiseRow
+from stages.row_types import PromiseRow
 from tools.programs import git
 from tools.verdicts import (
     ROOMS,

@@ -14,7 +14,7 @@ from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.metrics.calibration import shown_steps
 from pedpred.online import laws
 from pedpred.online.trials import RATES_HZ
-from stages.rows import PromiseRow
+from stages.row_types import PromiseRow
 
 Figures = Mapping[str, Mapping[str, Any]]
 """Method -> figure -> value, as in the metric files."""
