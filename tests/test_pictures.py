@@ -5,7 +5,6 @@ import io
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 import torch
 from matplotlib.figure import Figure
@@ -18,7 +17,7 @@ from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features.grids import occupancy_crops
 from pedpred.report.canvas import avif_bytes, png_bytes
 from pedpred.report.curves import by_stage, training_figure
-from pedpred.report.error_plots import horizon_figure, horizon_table
+from pedpred.report.error_plots import horizon_table
 from pedpred.report.gallery import draw_gallery
 from pedpred.report.gather import Evaluated
 from pedpred.report.instants import RULES, Instant, choose, depth_m
@@ -28,7 +27,7 @@ from pedpred.report.reconstructions import choose_evenly, reconstruct
 from pedpred.report.regions import ellipse_outline, region_outlines
 from pedpred.report.scene_picture import scene_picture
 from pedpred.report.snapshots import draw_angular_grid, grid_image
-from pedpred.report.walls import RANKS, wall_figure, wall_windows
+from pedpred.report.walls import RANKS, wall_windows
 from pedpred.scenes import Camera, OccupancyMap, Predictions, Scene, Trajectories
 from tests.forecasts import METHODS, windows_with
 from tests.reports import MEETING, STEPS, curves, metrics_of, planned, result_of, room
@@ -160,12 +159,6 @@ def test_places_with_walls_have_a_picture_of_them():
     assert [text.get_text() for text in pictures[1].figure.axes[0].texts] == ["hall"]
 
 
-def test_a_picture_of_walls_comes_out_the_same_twice():
-    rows = wall_windows(at_walls(), walled(), METHODS)
-    one, two = (png_bytes(wall_figure(walled(), at_walls(), rows, METHODS)) for _ in range(2))
-    assert one == two
-
-
 # People, forecasts and inputs
 
 
@@ -281,21 +274,6 @@ def test_curves_are_sorted_into_stages_and_models():
     assert axes[2].lines[0].get_xydata().tolist() == [[5.0, 0.5], [10.0, 0.4]]
 
 
-@pytest.mark.parametrize("stages", [1, 3, 8])
-def test_no_training_curve_runs_behind_the_legend(stages):
-    """Neither where it falls nor where it rises, whatever number of networks has one."""
-    names = [f"{stage}_{row.key}" for stage in "abcdefgh"[:stages] for row in METHODS if row.learned]
-    rising = {"epoch": [0, 1, 2], "step": [0, 5, 10], "validation_ade_m": [0.4, 0.45, 0.5]}
-    falling = rising | {"validation_ade_m": [0.5, 0.45, 0.4]}
-    tables = {name: pd.DataFrame((rising, falling)[k % 2]) for k, name in enumerate(names)}
-    figure = training_figure(tables, METHODS)
-    figure.canvas.draw()
-    for axes in figure.axes:
-        legend = axes.get_legend().get_window_extent()
-        tops = [axes.transData.transform(line.get_xydata())[:, 1].max() for line in axes.lines]
-        assert max(tops) < legend.y0
-
-
 def galleries():
     scene = room()
     simulated = result_of(metrics_of(MEETING))
@@ -385,13 +363,6 @@ def test_forecasts_of_an_unknown_scene_are_refused():
         draw_gallery(
             Evaluated("sim", "simulated", results, sets, {"attic": planned(room())}, {}, None), METHODS
         )
-
-
-def test_a_method_far_beyond_the_others_does_not_set_the_scale():
-    figure = horizon_figure(result_of(metrics_of(MEETING | {"ca": 9.0})), METHODS)
-    assert figure.axes[0].get_ylim()[1] < 1.3 * 1.9 * 0.7 * 1.5
-    legend = figure.legends[0]
-    assert "beyond" in legend.get_texts()[1].get_text()
 
 
 def test_the_horizon_table_has_a_row_per_step_and_sorts_as_text():
