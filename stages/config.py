@@ -34,15 +34,6 @@ from pedpred.models.registry import parse_settings
 from pedpred.report.findings import Paper
 from pedpred.report.methods import Methods
 from pedpred.report.page.player import ReplaySettings
-from pedpred.report.rows import (
-    FoldRow,
-    OnlineRows,
-    PageRows,
-    PlaceRow,
-    PublishedRows,
-    RecordingRows,
-    Reference,
-)
 from pedpred.scenes import VARIANTS
 from pedpred.sequences import SequenceSets
 from pedpred.settings import check_names, load, load_each, load_together
@@ -60,6 +51,15 @@ from pedpred.training.distributed import DeviceSettings, ThreadSettings
 from stages.drive import trials_of
 from stages.features import features_of, kalman_of, protocol_of
 from stages.literature import comparison_of
+from stages.row_types import (
+    FoldRow,
+    OnlineRows,
+    PageRows,
+    PlaceRow,
+    PublishedRows,
+    RecordingRows,
+    Reference,
+)
 from stages.simulate import LAYOUTS, read_layouts
 from stages.train import GROUPS, PHASES, settings_of
 from stages.train_far import phase_of
