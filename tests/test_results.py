@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
-from pedpred.fields import parsed
 
 from pedpred.config import plain, read_params
 from pedpred.errors import InputError, ValueRuleError
@@ -22,6 +21,7 @@ from pedpred.report.places import places_section, places_table, ratios_table, re
 from pedpred.report.results import ADE_GAP, read_metrics, results_frame, results_of
 from pedpred.report.sections import answer
 from pedpred.report.tables import calibration_table, further_table, metrics_table, steps_table
+from pedpred.settings import load
 from tests.conftest import ROOT
 from tests.forecasts import METHODS, PAPER
 from tests.reports import MEETING, STEPS, metrics_of, result_of, room
@@ -101,7 +101,7 @@ def test_an_ablation_names_its_network():
     assert (part.role, whole.role) == ("ablation", "network")
     for row, of in ((part, ""), (whole, "cv")):
         with pytest.raises(ValueRuleError):
-            parsed(Method, vars(row) | {"of": of}, f"methods.{row.key}")
+            load(Method, vars(row) | {"of": of}, f"methods.{row.key}")
     with pytest.raises(ValueRuleError):
         replace(METHODS, rows=tuple(replace(row, of="cv") if row is part else row for row in METHODS))
 
