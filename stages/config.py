@@ -35,16 +35,6 @@ from pedpred.models.registry import parse_settings
 from pedpred.report.findings import Paper
 from pedpred.report.methods import Methods
 from pedpred.report.page.player import ReplaySettings
-from pedpred.report.rows import (
-    ExportRow,
-    FoldRow,
-    OnlineRows,
-    PageRows,
-    PlaceRow,
-    PublishedRows,
-    RecordingRows,
-    Reference,
-)
 from pedpred.scenes import VARIANTS
 from pedpred.sequences import SequenceSets
 from pedpred.settings import check_names, load, load_each, load_together
@@ -65,6 +55,16 @@ from stages.eth_ucy import MODELS, PHASES, comparison_of
 from stages.export import GROUPS as EXPORTING
 from stages.folds import SENSED, trained_sets
 from stages.perception import features_of, kalman_of, protocol_of
+from stages.row_types import (
+    ExportRow,
+    FoldRow,
+    OnlineRows,
+    PageRows,
+    PlaceRow,
+    PublishedRows,
+    RecordingRows,
+    Reference,
+)
 from stages.simulate import LAYOUTS, read_layouts
 from stages.train import NONE, networks_of, phase_of, training_of
 from stages.validate_simulation import flow_of

@@ -14,16 +14,17 @@ from pedpred.report.document import Section, join_pages, write_pictures
 from pedpred.report.drives import drives_section, read_shown
 from pedpred.report.error_plots import horizon_table
 from pedpred.report.findings import Paper
-from pedpred.report.gallery import Evaluated, draw_gallery
-from pedpred.report.gather import gather, study_page
+from pedpred.report.gallery import draw_gallery
+from pedpred.report.gather import Evaluated, gather, study_page
 from pedpred.report.methods import Methods
 from pedpred.report.page.build import Contents, render_page
 from pedpred.report.page.player import Replay, ReplaySettings, replay
 from pedpred.report.places import places_section
-from pedpred.report.rows import PageRows
+from pedpred.report.results import results_frame
 from pedpred.report.simulation_page import flow_section
 from pedpred.settings import load, load_together
 from stages.folds import trained_sets
+from stages.row_types import PageRows
 
 PAGES = ("sim", "real")
 """Studies with a page of their own; the others are compared with these."""
@@ -98,7 +99,7 @@ def main(cfg: DictConfig) -> None:
         paper=paper,
         avif_speed=page.avif_speed,
         further=[Section("Ablations", ablations), flow_section(figures["walking"]["corridor_flow"])],
-        literature=figures.get("literature", {}),
+        literature=results_frame({"literature": figures.get("literature")}),
         published=plain(cfg.report)["published"],
         latency=figures.get("latency", {}).get("updates", []),
         places=places.blocks,

@@ -148,6 +148,7 @@ def instants_of_worlds(cfg: DictConfig, model: str, key: str, out: Path) -> RowS
     with configured(f"situations.simulated.{key}"):
         chosen = load(SimulatedSet, plain(cfg.situations.simulated[key]))
     (worlds, sensing), recipe = worlds_of(cfg), recipe_of(cfg, model)
+    tasks: list[tuple[Any, ...]]
     if chosen.kind == "arrangement":
         folders = scene_folders(Path(chosen.input))[: chosen.worlds]
         tasks: list[tuple[Any, ...]] = [

@@ -12,7 +12,7 @@ import pytest
 from pedpred.config import read_params
 from pedpred.errors import ValueRuleError
 from pedpred.online.network import read_origin
-from pedpred.report.rows import PromiseRow
+from stages.row_types import PromiseRow
 from tests.conftest import ROOT
 from tests.plain_git import git
 from tools import judge

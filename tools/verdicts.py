@@ -11,7 +11,7 @@ import numpy as np
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.metrics.calibration import shown_steps
-from pedpred.report.rows import PromiseRow
+from stages.row_types import PromiseRow
 from tools import laws
 from tools.latency import ALLOWED, best_updates, paper_work
 from tools.law_worlds import RATES_HZ

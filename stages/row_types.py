@@ -1,4 +1,4 @@
-"""Rows that say where places come from, and what is tested, exported, promised and shown."""
+"""Rows of the configuration: where places come from, and what is tested, exported, promised and shown."""
 
 from __future__ import annotations
 
