@@ -67,14 +67,18 @@ def recipe_of(cfg: DictConfig, model: str) -> Recipe:
 
 
 def steps_of_scenes(cfg: DictConfig, model: str, kind: str, key: str, out: Path) -> RowSet:
-    """All steps of the scenes of a set and of their variants, as its sensor and tracker perceive them."""
+    """All steps of the scenes of a set and of their variants, as its sensor and tracker perceive them.
+
+    Nobody is trained on stand-ins.
+    """
     source = cfg[SETS[kind]][key]
     variants = variants_of(f"{SETS[kind]}.{key}", source)
     how, protocol = perception_of(cfg, source)
     made_with, phase_offsets = RowFormat(protocol, model, features_of(cfg, model)), 1
     if not protocol.noncausal:  # resampled tracks have one phase
         phase_offsets = source.phase_offsets
-    seen = [(folder, each) for folder in scene_folders(SCENES / kind / key) for each in ("", *variants)]
+    folders = [path for path in scene_folders(SCENES / kind / key) if read_scene(path).stand_in is None]
+    seen = [(folder, each) for folder in folders for each in ("", *variants)]
     tasks = [(write_steps, out, *one, how, made_with, phase_offsets) for one in seen]
     shards = {shard_name(*one): one[0] for one in seen}
     return RowSet(tasks, lambda: write_manifest(out, made_with, shards))
@@ -151,9 +155,7 @@ def instants_of_worlds(cfg: DictConfig, model: str, key: str, out: Path) -> RowS
     tasks: list[tuple[Any, ...]]
     if chosen.kind == "arrangement":
         folders = scene_folders(Path(chosen.input))[: chosen.worlds]
-        tasks: list[tuple[Any, ...]] = [
-            (folder.name, scene_rows, folder, chosen, sensing, recipe) for folder in folders
-        ]
+        tasks = [(folder.name, scene_rows, folder, chosen, sensing, recipe) for folder in folders]
     else:
         numbers = range(chosen.worlds)
         tasks = [(f"{key}_{n:03}", collect_world_rows, n, chosen, worlds, sensing, recipe) for n in numbers]

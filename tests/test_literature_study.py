@@ -9,7 +9,6 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
-from stages.literature import comparison_of
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.command import field_protocol
@@ -30,6 +29,7 @@ from pedpred.report.results import results_frame
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
+from stages.eth_ucy import comparison_of
 from stages.eth_ucy_gather import figures_of
 from tests.configuration import read
 from tests.conftest import raw_folder

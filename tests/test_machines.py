@@ -17,7 +17,7 @@ from tests.conftest import ROOT
 from tests.disk import small_files
 from tests.trust import project
 from tests.trust.readers import READERS
-from tools import ablate, branches, compare, mend_lock
+from tools import ablate, compare, mend_lock
 
 SCENE = ROOT / "examples/crossing"
 NAMESPACE = ["unshare", "--mount", *([] if os.geteuid() == 0 else ["--map-root-user"])]
@@ -197,7 +197,6 @@ def inside(archived, monkeypatch):
 
 @pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
 def test_the_pipeline_runs_without_a_git_history(archived, inside):
-    assert "make setup" in inside(branches)
     run(archived, ".ci/history")
     assert "Running stage 'config'" in run(archived, "dvc", "repro", "config")
     mend_lock.main()

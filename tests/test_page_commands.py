@@ -29,7 +29,7 @@ from stages.config import check_parts
 from tests.configuration import composed, read, stages
 from tests.conftest import ROOT
 from tests.trust.project import done
-from tools import prose, staleness
+from tools import prose
 
 _SHOWN = [*prose.pages(ROOT), *sorted((ROOT / "ros").rglob("*.md"))]
 PAGES = {str(path.relative_to(ROOT)): path.read_text() for path in _SHOWN}
@@ -63,7 +63,7 @@ NOT_RUN = {
     "python -m stages.simulate +name=sim_test": "needs the layout on its page; test_layouts.py simulates it",
     "pedpred info build/rooms": "likewise",
     "python -m stages.ingest": "needs the rows on its page; test_own_place.py runs it there",
-    "python -m stages.evaluate_baseline": "likewise",
+    "python -m stages.evaluate": "likewise",
     "python -m stages.gather": "likewise",
     "python -m stages.train": "needs the rows of a run; test_instant_training.py trains on some",
     "python -m stages.export": "needs a trained network; tests/exported.py exports some",
@@ -265,7 +265,7 @@ def test_the_walk_through_measures_what_its_comments_say(folder, commanded):
 def targets():
     """Names of the stages of the project and of their families, as DVC takes them for targets."""
     names = {stage.name for stage in stages()}
-    return names | {staleness.family(name) for name in names}
+    return names | {name.partition("@")[0] for name in names}
 
 
 @functools.cache

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
-from stages.features import perception_of
 
 from pedpred.baselines.social_force import InitialState, initial_state
 from pedpred.baselines.together import present_at
@@ -25,6 +24,7 @@ from pedpred.evaluation.scores import integrate_truth
 from pedpred.evaluation.windows import ask_about_windows
 from pedpred.files import check_output
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
+from stages.perception import perception_of
 from tools.arguments import count
 from tools.places import recording
 from tools.rows import write_row
