@@ -174,7 +174,7 @@ def additions():
             },
             "pedpred/simulation/worlds/settings.py": {
                 after: toy,
-                "    warm_up_s: float": "    toy: ToySettings = nested(ToySettings)",
+                "    warm_up_s:": "    toy: ToySettings",
             },
             "conf/worlds/varied.yaml": {"": f"toy: {json.dumps(PARAMS['worlds']['bottleneck'])}"},
             "conf/sensing/varied.yaml": {
