@@ -20,11 +20,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pedpred.ros.message_types import known_types, serialize
+from pedpred.ros.message_types import UPDATE_TYPE, known_types, serialize
 from pedpred.ros.planning import ROW
 from pedpred.ros.scene_messages import header, seconds
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE
-from pedpred.ros2.follower import UPDATE_TYPE
 from pedpred.ros2.outputs import MARKERS_TYPE, PEOPLE_TYPE, TEXT_TYPE
 from tests.bags import GRID, TF
 from tests.conftest import ROOT, with_ros
@@ -363,24 +362,6 @@ def test_no_message_ends_or_stalls_the_node(place):
     assert len(lines) < len(send) / 4
     (table,) = ({pair.key: pair.value for pair in one.values} for one in heard["/diagnostics"][-1].status)
     assert int(table["left out: people without a forecast"]) > 0
-
-
-def test_people_who_are_lost_before_they_are_read_are_counted(place):
-    """More come at once than the queue holds."""
-    names = [str(k) for k in range(100)]
-    send = [
-        (0.0, 0, people(100.0 + k / 50, **{name: (k / 50, 2.0 * int(name)) for name in names}))
-        for k in range(200)
-    ]
-    publish = [("/people", PEOPLE_TYPE, "rv")]
-    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
-    with place.node("-p", "use_map:=false") as told:
-        until = {"/predictions": 40, "/diagnostics": 5}
-        heard = place.exchange(publish, (0, people(60.0)), send, record, until)
-    tables = [{pair.key: pair.value for pair in one.status[0].values} for one in heard["/diagnostics"]]
-    assert int(tables[-1]["left out: lost before they were read"]) > 0
-    assert "lost before they were read" in told.read_text()
-    assert any("messages of people" in one.status[0].message for one in heard["/diagnostics"])
 
 
 def test_the_node_ends_well_in_the_middle_of_its_work(place):

@@ -1,4 +1,4 @@
-"""ROS formats: MCAP recordings <-> scenes and forecasts; bags of ROS 1 and ROS 2 -> scenes.
+"""ROS formats: bags of ROS 1 and ROS 2 -> scenes; scenes and forecasts -> recordings in MCAP.
 
 Positions are in the world frame, called `map` (its parent `world` coincides with it); times are the scene's.
 The names below are imported on first use: a robot's node needs no libraries that read files.
@@ -25,13 +25,11 @@ else:
         {
             "is_bag": "pedpred.ros.bag_files",
             "read_bag": "pedpred.ros.bags",
+            "find_usable": "pedpred.ros.detections",
             "Transform": "pedpred.ros.frames",
-            "ADAPTERS": "pedpred.ros.people",
-            "TrackNumbers": "pedpred.ros.people",
-            "find_usable": "pedpred.ros.people",
+            "TrackNumbers": "pedpred.ros.identities",
+            "PEOPLE_FIELDS": "pedpred.ros.people",
             "check_recordable": "pedpred.ros.recordings",
-            "is_recording": "pedpred.ros.recordings",
-            "read_recording": "pedpred.ros.recordings",
             "write_recording": "pedpred.ros.recordings",
             "map_of_grid": "pedpred.ros.scene_messages",
             "seconds": "pedpred.ros.scene_messages",

@@ -154,11 +154,3 @@ def _score(entry: Any) -> float:
 
 def _is_origin(value: Any) -> bool:
     return hasattr(value, "x") and not (value.x or value.y or getattr(value, "z", 0.0))
-
-
-# until bags and the node read PEOPLE_FIELDS
-from pedpred.ros.old_people import ADAPTERS as ADAPTERS  # noqa: E402
-from pedpred.ros.old_people import LABELLED as LABELLED  # noqa: E402
-from pedpred.ros.old_people import Nameless as Nameless  # noqa: E402
-from pedpred.ros.old_people import TrackNumbers as TrackNumbers  # noqa: E402
-from pedpred.ros.old_people import find_usable as find_usable  # noqa: E402
