@@ -1,4 +1,4 @@
-"""A recording holds the scene exactly, standard ROS 2 tools can read it, and damaged files are named."""
+"""Recordings are read as bags and by standard ROS 2 tools; animations and layouts show them."""
 
 import json
 from dataclasses import replace
@@ -14,7 +14,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.geometry import rotate
 from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.report.animation import Animation, busiest_start, positions_at, write_animation
-from pedpred.ros import check_recordable, write_recording
+from pedpred.ros import check_recordable, read_bag, write_recording
 from pedpred.ros.foxglove import write_layout
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES
 from pedpred.scenes import OccupancyMap, Predictions, Trajectories
@@ -49,6 +49,29 @@ def decoded(path):
 def contents(path, wanted=MARKERS):
     """The messages of one topic."""
     return [content for _, channel, _, content in decoded(path)[1] if channel.topic == wanted]
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_recording_is_read_as_a_bag(tmp_path, known):
+    """People and map come back; stamps have whole nanoseconds."""
+    scene = small_scene()
+    if not known:
+        scene = replace(scene, trajectories=replace(scene.trajectories, velocity=None))
+    write_recording(scene, tmp_path / "hall.mcap")
+    found = read_bag(tmp_path / "hall.mcap")
+    assert found.name == "hall"
+    assert_same_people(found.trajectories, scene.trajectories)
+    np.testing.assert_array_equal(found.occupancy.occupied, scene.occupancy.occupied)
+    np.testing.assert_allclose(found.occupancy.origin, scene.occupancy.origin)
+    assert found.occupancy.resolution_m == pytest.approx(scene.occupancy.resolution_m)
+
+
+def assert_same_people(found, expected):
+    order = np.lexsort((expected.track_id, expected.time_s))
+    mine = np.lexsort((found.track_id, found.time_s))
+    np.testing.assert_array_equal(found.track_id[mine], expected.track_id[order])
+    np.testing.assert_allclose(found.time_s[mine], expected.time_s[order], atol=1e-9)
+    np.testing.assert_array_equal(found.position[mine], expected.position[order])
 
 
 def test_every_message_can_be_read_and_carries_its_time_and_frame(tmp_path):

@@ -48,15 +48,20 @@ _ON_A_ROBOT = """
 import sys
 for name in "PIL lz4 matplotlib mcap pandas pyarrow scipy shapely skfmm torch tqdm zstandard".split():
     sys.modules[name] = None  # importing it is an error
+import numpy as np
 from pedpred import OnlinePredictor, warm_up
 from pedpred.ros.message_types import serialize
+from pedpred.ros.scene_messages import map_message
 from pedpred.ros2 import diagnostics, main
 from pedpred.ros2.follower import Follower
 from pedpred.ros2.outputs import PEOPLE_TYPE
 from pedpred.ros2.settings import NodeSettings
+from pedpred.scenes import OccupancyMap
 warm_up()
 settings = NodeSettings(use_map=False, identities="assigned", occupancy_cell_m=0.5)
 follower = Follower(OnlinePredictor.load(), settings)
+ground = OccupancyMap(np.zeros((9, 9), bool), np.zeros(2), 0.5)
+follower.map_came(serialize("nav_msgs/msg/OccupancyGrid", map_message(ground, 0)))
 turn = {"translation": {"x": 1.0}, "rotation": {"w": 1.0}}
 edges = [{"header": {"frame_id": "map"}, "child_frame_id": "robot", "transform": turn}]
 follower.transforms_came(serialize("tf2_msgs/msg/TFMessage", {"transforms": edges}), 0.0, fixed=True)

@@ -184,7 +184,10 @@ class Follower:
             detected, place = self._placed(arrival.detected)
             self._follow_localisation(detected, place)
             time_s = detected.time_s
+            unnamed = self._identities.unnamed
             track_id = self._identities.number(time_s, detected.ids, place)
+            if self._identities.unnamed > unnamed:
+                _log.warning("people without an id, among others who have one, are identified by position")
             times_s = np.full(len(place), time_s)
             kept, left_out = find_usable(times_s, track_id, place, self._identities.name)
             if left_out:
