@@ -20,7 +20,7 @@ from pedpred.ros.planning import (
 )
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
 from pedpred.storage.scenes import write_scene
-from tests.test_recording import STEPS, contents, small_scene, walking_on
+from tests.recorded import STEPS, contents, small_scene, walking_on
 
 NUMPY = {4: "<u2", 5: "<i4", 6: "<u4", 7: "<f4"}
 

@@ -162,10 +162,9 @@ def test_people_are_forecast_however_late_their_transforms_come_within_the_time_
     follower, told = follower_of(transform_timeout_s=6.0), []
     for k in range(360):
         at_s = 100.0 + k / 30
-        if at_s > 104.0:
-            raw = transforms(
-                transform("map", "base_link", *robot(100.0 + (k - 120) / 30), 100.0 + (k - 120) / 30)
-            )
+        if k >= 120:
+            then_s = 100.0 + (k - 120) / 30
+            raw = transforms(transform("map", "base_link", *robot(then_s), then_s))
             follower.transforms_came(raw, at_s, False)
         told.append("predictions" in answered(follower, people(at_s, "base_link", eve=(1.0, 0.0)), k / 30))
     assert sum(told[150:]) > 0.7 * len(told[150:])
