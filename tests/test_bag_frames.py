@@ -44,7 +44,7 @@ def test_people_in_a_fixed_frame_stay_where_they_are(ros2, tmp_path):
     check_moving(read_bag(write_timed(ros2, tmp_path / "hall", found)), atol=1e-9)
 
 
-def test_people_of_assigned_identity_are_followed_in_the_fixed_frame(ros2, tmp_path):
+def test_people_are_identified_by_position_in_the_fixed_frame(ros2, tmp_path):
     """In the robot's own frame they would change places as it turns."""
     people = read_bag(moving_bag(ros2, tmp_path / "hall"), identities="assigned").trajectories
     assert np.unique(people.track_id, return_counts=True)[1].tolist() == [50, 50]
@@ -68,7 +68,7 @@ def test_a_given_transform_is_that_of_the_frame_that_stands(ros2, tmp_path):
     assert "--transform" in str(error.value)
 
 
-def test_detections_without_a_transform_at_their_time_are_left_out(ros2, tmp_path, caplog):
+def test_detections_without_a_transform_are_left_out(ros2, tmp_path, caplog):
     """Before the first one, after the last one, and where they stop for more than a second."""
     tf_s = np.r_[np.arange(1.0, 2.01, 0.05), np.arange(3.5, 4.51, 0.05)]
     scene = read_bag(moving_bag(ros2, tmp_path / "hall", tf_s=tf_s))

@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
-from pedpred.ros import PEOPLE_FIELDS, find_usable
-from pedpred.ros.detections import DetectionFrame
-from pedpred.ros.people import PeopleFields, parse_fields
+from pedpred.ros.detections import DetectionFrame, find_usable
+from pedpred.ros.people import PEOPLE_FIELDS, PeopleFields, parse_fields
 from pedpred.scenes import Trajectories
 from tests.bags import Filled
 
@@ -67,6 +66,13 @@ def test_positions_are_messages_or_arrays(position):
     assert seen.places.tolist() == [[1.0, 2.0, 3.0]]
 
 
+def test_a_list_of_positions_is_a_list_of_people():
+    message = message_of(point(1.0, 2.0), point(3.0, 4.0))
+    seen = DetectionFrame.from_message(message, parse_fields("people,position="), 0)
+    assert seen.places.tolist() == [[1, 2, 0], [3, 4, 0]]
+    assert seen.ids == ("", "")
+
+
 def test_positions_may_lack_a_height():
     flat = [person(1, [1.0, 2.0]), person(2, Message(x=3.0, y=4.0))]
     assert DetectionFrame.from_message(message_of(*flat), ANY, 0).places.tolist() == [[1, 2, 0], [3, 4, 0]]
@@ -104,6 +110,14 @@ def test_the_frame_is_that_of_the_message(outer, frame):
     one.header = Message(stamp=Message(sec=9, nanosec=0), frame_id="camera")
     seen = DetectionFrame.from_message(message_of(one, frame=outer), ANY, 0)
     assert (seen.frame, seen.time_s) == (frame, 1.0)
+
+
+def test_a_message_may_have_headers_in_its_detections_alone():
+    """As markers have."""
+    one = person(1, point(0, 0))
+    one.header = Message(stamp=Message(sec=9, nanosec=0), frame_id="camera")
+    seen = DetectionFrame.from_message(Message(people=[one]), ANY, 0)
+    assert (seen.frame, seen.time_s) == ("camera", 9.0)
 
 
 # Classes
@@ -171,7 +185,7 @@ def test_the_robot_of_a_simulator_is_left_out():
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 2), st.sampled_from([0.0, 1.0, np.nan]))))
-def test_what_is_usable_makes_trajectories_and_nothing_else_is_lost(rows):
+def test_usable_detections_make_trajectories_and_none_is_lost(rows):
     time_s, track_id, x = (
         (np.array(column, float) for column in zip(*rows, strict=True)) if rows else [np.zeros(0)] * 3
     )

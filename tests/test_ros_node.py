@@ -390,7 +390,7 @@ def test_people_without_ids_are_told_apart(place):
     both = [[(0.1 * k, 0.0), (4.0 - 0.1 * k, 1.0)][:: 1 - 2 * (k % 2)] for k in range(20)]
     send = [(k / 10, 0, poses(k, places)) for k, places in enumerate(both)]
     publish, record = [("/people", POSES, "bv")], [("/predictions", CLOUD, "rv")]
-    with place.node("-p", "use_map:=false", "-p", f"people_type:={POSES}") as told:
+    with place.node("-p", "use_map:=false", "-p", f"people_type:={POSES}"):
         heard = place.exchange(publish, (0, poses(-400, [])), send, record, {"/predictions": 20})
     tracks = Counter(
         track for cloud in heard["/predictions"] for track in np.unique(rows_of(cloud)["track_id"])

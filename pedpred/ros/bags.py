@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -95,7 +95,10 @@ def read_bag(
             grid, frames = _read(bag, sources, maps, take, warn)
             frames = _sort(_keep_people(frames, warn), warn)
             map_frame = None if grid is None else frame_name(grid.header.frame_id)
-            places = _place(frames, map_frame, transform, partial(_transforms, bag), warn)
+            is_placed = {each.frame for each in frames} <= {map_frame or MAP_FRAME}
+            tree = Frames() if is_placed else _transforms(bag)
+            targets = _targets(frames, map_frame, transform, tree, warn)
+            places = _place(frames, targets, transform, tree, warn)
             tracks = Identities(identities, bool(known.id), recording=[each.ids for each in frames])
             trajectories = _trajectories(frames, places, tracks, warn)
             if names is not None:
@@ -149,11 +152,7 @@ def _keep_people(frames: Sequence[DetectionFrame], warn: _Warn) -> list[Detectio
     others = Counter(label for each in frames for label in each.others)
     kept = [each for each in frames if each.ids]
     if not kept:
-        rule = (
-            "nobody is detected"
-            if not others
-            else "none is a class of people: name the one that is (--class)"
-        )
+        rule = "no message has a detection of such a class: name the class of people (--class)"
         raise ValueRuleError("class", dict(others), rule)
     if others:
         shown = ", ".join(f"{count} of {label!r}" for label, count in others.most_common(_SHOWN_CLASSES))
@@ -179,50 +178,60 @@ def _sort(frames: Sequence[DetectionFrame], warn: _Warn) -> list[DetectionFrame]
     return [frames[row] for row in np.argsort(time_s, kind="stable")]
 
 
-def _place(
-    frames: Sequence[DetectionFrame],
-    grid: str | None,
-    transform: Transform | None,
-    transforms: Callable[[], Frames],
-    warn: _Warn,
-) -> list[np.ndarray]:
-    """The places of each message in the frame of the map, m; NaN where a transform is missing. [n, 2] each.
+def _targets(
+    frames: Sequence[DetectionFrame], grid: str | None, transform: Transform | None, tree: Frames, warn: _Warn
+) -> dict[str, str]:
+    """The frame into which people of each frame are brought; see `_target`.
 
     Args:
-        frames: in order of time.
+        frames: of people.
         grid: the map's frame; None without a map.
         transform: of the people's frame in the map's; of a frame that moves, of the topmost one.
-        transforms: reads /tf; called where people are not in the map's frame.
-        warn: is told what is left out.
+        tree: all transforms, if there are people in another frame.
+        warn: gets a text where a sensor's frame has no transforms.
 
     Raises:
-        ValueRuleError: people and map are in different frames, and how they lie is unknown.
+        ValueRuleError: people and map are in different frames, and how they lie is unknown, or z is not the
+            height.
     """
-    names = {each.frame for each in frames}
-    tree = Frames() if names <= {grid or MAP_FRAME} else transforms()
-    targets = {name: _target(name, grid, tree, transform) for name in names}
+    targets = {name: _target(name, grid, tree, transform) for name in {each.frame for each in frames}}
     for name, target in targets.items():
         if "optical" in target:
             rule = f"z of an optical frame looks forward, not up: {_TF_REMEDY}"
             raise ValueRuleError("frame_id", target, rule)
         if target != grid and transform is None and _SENSOR.search(target):
-            warn(f"people are in {name!r}, and no transform says how that moves: {_TF_REMEDY}")
+            warn(f"people are in {name!r}, without transforms: if it moves, {_TF_REMEDY}")
     check_frames(set(targets.values()), grid, transform)
+    return targets
+
+
+def _place(
+    frames: Sequence[DetectionFrame],
+    targets: Mapping[str, str],
+    transform: Transform | None,
+    tree: Frames,
+    warn: _Warn,
+) -> list[np.ndarray]:
+    """The places of each message in the frame of the map, m; NaN where a transform is missing. [n, 2] each.
+
+    Raises:
+        ValueRuleError: transforms are missing at all times.
+    """
     counts = [len(each.ids) for each in frames]
-    points = np.concatenate([np.zeros((0, 3)), *(each.places for each in frames)])
+    points = np.concatenate([each.places for each in frames])
     time_s = np.repeat([each.time_s for each in frames], counts)
     for name, target in targets.items():
         rows = np.flatnonzero(np.repeat([each.frame == name for each in frames], counts))
-        moved = points[rows] if name == target else tree.placed(points[rows], time_s[rows], name, target)
-        lost = np.isnan(moved).any(axis=1) & np.isfinite(points[rows]).all(axis=1)
+        if name == target:
+            continue
+        moved = tree.placed(points[rows], time_s[rows], name, target)
+        lost = np.isnan(moved).any(axis=1)
         if lost.all():
             rule = tree.lack(name, target, float(time_s[rows][0]))
             raise ValueRuleError("transform", f"none at {time_s[rows][0]} s", f"{rule}: {_TF_REMEDY}")
         if lost.any():
-            text = (
-                f"left out: {lost.sum()} of {len(lost)} detections, for which no /tf leads from {name!r} to"
-            )
-            warn(f"{text} {target!r}, the first at {time_s[rows][lost][0]} s")
+            text = f"{lost.sum()} of {len(lost)} detections, without /tf from {name!r} to {target!r}"
+            warn(f"left out: {text}, the first at {time_s[rows][lost][0]} s")
         points[rows] = moved
     placed = points[:, :2] if transform is None else transform.to_map(points[:, :2])
     return np.split(placed, np.cumsum(counts)[:-1])

@@ -61,12 +61,12 @@ class DetectionFrame:
         """
         detected = people_of(message, fields)
         labels = [class_of(one, fields) for one in detected]
-        people = [one for one, label in zip(detected, labels, strict=True) if is_person(label, classes)]
-        others = tuple(label for label in labels if not is_person(label, classes))
-        headers = [getattr(one, "header", None) for one in (message, *detected[:1])]
-        stamps = [each.stamp.sec * 10**9 + each.stamp.nanosec for each in headers[:1] if each is not None]
-        frame = next((each.frame_id for each in headers if each is not None and each.frame_id), "")
-        time_ns = int(sum(stamps))
+        wanted = {label for label in set(labels) if is_person(label, classes)}
+        people = [one for one, label in zip(detected, labels, strict=True) if label in wanted]
+        others = tuple(label for label in labels if label not in wanted)
+        headers = [one.header for one in (message, *detected[:1]) if hasattr(one, "header")]
+        frame = next((each.frame_id for each in headers if each.frame_id), "")
+        time_ns = headers[0].stamp.sec * 10**9 + headers[0].stamp.nanosec if headers else 0
         ids = tuple(id_of(one, fields) for one in people)
         places = places_of(people, fields)
         return cls(time_ns or received_ns, frame_name(frame), ids, places, others, time_ns != 0)

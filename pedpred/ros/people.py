@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -24,7 +25,8 @@ class PeopleFields(NamedTuple):
     Attributes:
         people: the list of people, in the message.
         id: number, text or bytes, in a person; empty: people have no ids.
-        position: a message with x and y (and z), or an array of 2 or 3 numbers, in a person, m.
+        position: a message with x and y (and z), or an array of 2 or 3 numbers, in a person, m; empty: the
+            person is one.
         label: the class, number or text, in a person; empty: all are people.
         robot: a number that is 2 for the robot of a simulator, in a person; empty: there is none.
     """
@@ -73,7 +75,7 @@ def parse_fields(text: str) -> PeopleFields:
     people, *pairs = (part.strip() for part in text.split(","))
     given = dict(pair.partition("=")[::2] for pair in pairs)
     if not people or "=" in people or not given.keys() <= _KEYS.keys() or "position" not in given:
-        rule = "write the path of the list, then position=, id= and class=: objects,id=label_id,position=pose"
+        rule = "write the path of the list, then those in a person: people,id=id,position=pose.position"
         raise ValueRuleError("people", text, rule)
     return PeopleFields(people, **{"id": ""} | {_KEYS[key]: path.strip() for key, path in given.items()})
 
@@ -82,17 +84,16 @@ def people_of(message: Any, fields: PeopleFields) -> list[Any]:
     """The people in a message, without a simulator's robot."""
     people = _find(message, fields.people)
     if not isinstance(people, Iterable) or isinstance(people, str):
-        raise ValueRuleError(
-            "people", fields.people, f"it must be a list of people, not {type(people).__name__}"
-        )
+        rule = f"it must be a list of people, not {type(people).__name__}"
+        raise ValueRuleError("people", fields.people, rule)
     return [one for one in people if not fields.robot or _find(one, f"{fields.robot}|") != _ROBOT]
 
 
 def id_of(person: Any, fields: PeopleFields) -> str:
     """The id of a person as text, that of bytes as hexadecimal digits; empty: there is none."""
     value = _find(person, fields.id) if fields.id else ""
-    if isinstance(value, list | tuple | np.ndarray | bytes):
-        return bytes(np.asarray(value if not isinstance(value, bytes) else list(value), np.uint8)).hex()
+    if isinstance(value, np.ndarray | bytes):
+        return bytes(value).hex()
     return "-1" if value == _NO_ID else str(value)
 
 
@@ -103,7 +104,8 @@ def class_of(person: Any, fields: PeopleFields) -> str:
 
 def places_of(people: Iterable[Any], fields: PeopleFields) -> np.ndarray:
     """Positions of people, m; what is no number, or absurdly far away, is NaN. [N, 3]."""
-    places = np.array([_coordinates(_find(one, fields.position)) for one in people], np.float64)
+    found = (_find(one, fields.position) if fields.position else one for one in people)
+    places = np.array([_coordinates(position) for position in found], np.float64)
     places = places.reshape(-1, 3)
     return np.where(rule_of("position", places)[1], places, np.nan)
 
@@ -111,7 +113,7 @@ def places_of(people: Iterable[Any], fields: PeopleFields) -> np.ndarray:
 def _coordinates(position: Any) -> tuple[float, float, float]:
     if hasattr(position, "x") and hasattr(position, "y"):
         return position.x, position.y, getattr(position, "z", 0.0)
-    if isinstance(position, list | tuple | np.ndarray) and len(position) >= 2:
+    if isinstance(position, list | tuple | array | np.ndarray) and len(position) >= 2:
         return position[0], position[1], position[2] if len(position) > 2 else 0.0
     rule = "it must be a message with x and y, or an array of numbers"
     raise ValueRuleError("position", type(position).__name__, rule)
