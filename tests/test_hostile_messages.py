@@ -359,7 +359,7 @@ def test_grids_are_those_of_the_whole_ground_wherever_people_are(seed, people, s
     rng = np.random.default_rng(seed)
     path = rng.normal(0, spread_m, (people, 2, 3, 2))
     weight = np.tile([0.7, 0.3], (people, 1))
-    covariance = np.eye(2) * rng.uniform(1e-4, 4.0, (people, 2, 3, 1, 1))
+    covariance = np.eye(2) * rng.uniform(1e-4, 1.0, (people, 2, 3, 1, 1))
     forecasts = Predictions((weight[..., None, None] * path).sum(1), path, weight, 0.3, covariance)
     ground = OccupancyMap(np.zeros((70, 40), bool), np.array([-20.0, -7.0]), 0.5)
     expected = np.rint(100 * predicted_occupancy(forecasts, ground)).astype(int)

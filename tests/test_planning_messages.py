@@ -91,7 +91,7 @@ def test_grids_are_stamped_with_the_time_that_they_are_about():
 
 
 def test_people_who_may_be_anywhere_are_in_no_cell():
-    """Above a standard deviation of 3 m no cell has half a per cent; others are shown as without them."""
+    """Above a standard deviation of 1 m they are left out; others are shown as without them."""
     path = np.array([[[[0.3, 0.4], [0.5, 0.4]]], [[[-2.0, 1.0], [-2.0, 1.0]]]])
     spread = np.eye(2) * np.array([[0.2, 4.0], [0.1, 0.1]])[:, None, :, None, None] ** 2
     both = Predictions(path[:, 0], path, np.ones((2, 1)), 0.3, spread)
@@ -102,8 +102,6 @@ def test_people_who_may_be_anywhere_are_in_no_cell():
     first, second = grid_topic(1), grid_topic(2)
     assert (found[first]["data"] != alone[first]["data"]).any()
     np.testing.assert_array_equal(found[second]["data"], alone[second]["data"])
-    expected = 100 * predicted_occupancy(both, ground)[1]
-    np.testing.assert_allclose(np.reshape(found[second]["data"], (90, 80)).T, expected, atol=0.81)
 
 
 def test_a_recording_carries_what_planners_read(tmp_path):

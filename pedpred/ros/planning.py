@@ -26,8 +26,9 @@ MOST_CELLS = 2**24
 """Of all steps of predicted occupancy together."""
 SMALLEST_CELL_M = 0.1
 """Side of the smallest cells: a person is wider, and the time grows with the fourth power of their number."""
-_WIDEST_M = 3.0
-"""Standard deviation above which the probability of a cell is below 0.5 %, which rounds to 0."""
+_WIDEST_M = 1.0
+"""Standard deviation, the mean of all modes, above which a person is left out: a few per cent in each of
+tens of thousands of cells take long."""
 _REACH, _MARGIN = 4.0, 1.5
 """Nobody is expected beyond so many standard deviations and cells around a path."""
 
@@ -118,8 +119,8 @@ def grid_messages(
     """Topic -> nav_msgs/OccupancyGrid of each step: the probability that a person is in a cell, in per cent.
 
     The stamp of a grid is the time that it is about, its `map_load_time` the present. Static obstacles are
-    not in it. A person is left out of the steps at which the standard deviation is above 3 m: every cell
-    is below 0.5 % then.
+    not in it. A person is left out of the steps at which the standard deviation of the modes is
+    above 1 m on average: a cell has a few per cent then.
 
     Args:
         predictions: world frame.
@@ -157,9 +158,9 @@ def _at(predictions: Predictions, step: int) -> Predictions:
     if covariance is None:
         return replace(predictions, point=point[this], path=path[this])
     spread = covariance[..., step : step + 1, :, :]
-    wide_m = np.sqrt(np.diagonal(spread, axis1=-2, axis2=-1)).prod(axis=-1) ** 0.5
+    wide_m = np.sqrt(np.diagonal(spread, axis1=-2, axis2=-1)).mean(axis=(-2, -1))
     then = replace(predictions, point=point[this], path=path[this], covariance=spread)
-    return then.select(~(wide_m.min(axis=(1, 2)) > _WIDEST_M))
+    return then.select(~((predictions.weight * wide_m).sum(axis=1) > _WIDEST_M))
 
 
 def _per_cent(predictions: Predictions, ground: OccupancyMap) -> np.ndarray:
