@@ -132,7 +132,9 @@ def _find(message: Any, paths: str) -> Any:
         if found is not None and not _is_origin(found):
             return found
     if value is None:
-        fields: Iterable[str] = getattr(message, "__dataclass_fields__", getattr(message, "__slots__", ()))
+        fields: Iterable[str] = getattr(
+            message, "__dataclass_fields__", getattr(message, "_fields_and_field_types", ())
+        )
         known = ", ".join(name for name in fields if not name.startswith("_"))
         raise ValueRuleError("field", paths, f"{type(message).__name__} has {known}")
     return value
