@@ -15,8 +15,9 @@ from pathlib import Path
 
 from packaging.requirements import Requirement
 
-from benchmarks.pages import fill
 from pedpred.errors import user_errors
+from pedpred.files import write_text
+from tools.readme import filled
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "dependencies.md"
@@ -134,7 +135,7 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="into docs/dependencies.md")
     text = table()
     if parser.parse_args().write:
-        fill(PAGE, "dependencies", text)
+        write_text(PAGE, filled(PAGE.read_text(), {"dependencies": text}))
     sys.stdout.write(f"{text}\n")
 
 

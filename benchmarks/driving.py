@@ -1,124 +1,185 @@
-"""What a planner should read: `python -m benchmarks.driving (SCENE | --world KIND) [--variant NAME ...]`.
+"""Figures of drives in many episodes: `python -m benchmarks.driving TABLE.csv ... [--write]`.
 
-The same episodes are driven with changes of what the planner reads, over several limits of risk:
+Reads tables that `pedpred drive` has written, one per place, and makes three tables of docs/driving.md:
 
-* `modes`, `kalman`: what `pedpred drive` calls so;
-* `modes_shown`: the network is told where the robot is, as one more person;
-* `modes_wide`: 0.15 m more deviation at every step;
-* `modes_bounded`, `kalman_bounded`: covariances do not grow after 0.9 s, because the robot will have seen
-  people again by then (Du Toit and Burdick 2012, partially closed-loop planning);
-* `modes_and_kalman`: one more mode of weight 0.2, the Kalman filter's forecast with its covariance;
-* `kalman_first`: the Kalman filter's forecast while a person is known for less than 0.8 s;
-* `modes_hidden`: people whom somebody hides are kept for 2 s instead of 0.5 s.
+* `curves`: collisions at the robot's fault, and time to the goal, by method, limit of risk and place;
+* `equal`: the network's modes beside the Kalman filter: collisions at the same time, and time beyond that of
+  the true future at the same collisions, with 95 % intervals over episodes;
+* `extremes`: if people are forecast to stand, and with the true future.
 
-Each variant is compared with `modes`, or its `kalman` one with `kalman`, at equal time to the goal. With
-`--causes`, another table has a row for each collision at fault: for how long the person was known, and how
-likely the robot's place at that moment seemed to overlap the person some time before it.
+Each table takes the episodes that all its methods have drives, so that some methods may drive more of them,
+and the places where they have all drives.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.driving_curves import PAGE
-from benchmarks.driving_variants import VARIANTS, Trial, drive_episode
-from benchmarks.pages import check_command, put
-from benchmarks.timing import tell
-from pedpred.command.recordings import open_scene
-from pedpred.driving.episodes import Recording
-from pedpred.driving.figures import Episodes, equal_time, share_interval
-from pedpred.driving.runs import Places
-from pedpred.driving.table import Row, write_table
-from pedpred.driving.worlds import KINDS, REACTIONS, Worlds
-from pedpred.errors import user_errors
-from pedpred.online.shipped import default_model
-from pedpred.workers import in_parallel
-from tools.arguments import count, output, probability
+import numpy as np
+
+from benchmarks.tables import show, write_tables
+from pedpred.driving.figures import Episodes, share_interval
+from pedpred.driving.forecasters import TRUTH
+from pedpred.driving.table import Condition, Row, read_table
+from pedpred.errors import InputError, user_errors
+from pedpred.report.drives import LABELS
+
+PAGE = Path("docs/driving.md")
+_NETWORK, _SIMPLE, _WORST = "modes", "kalman", "standing"
 
 
-def places_of(scene: Path | None, world: str, react: bool) -> Places:
-    """A recorded scene; without one, simulated worlds whose people react to the robot or do not."""
-    if scene is None:
-        return Worlds(world, react)
-    return Recording(open_scene(scene))
-
-
-def compare(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
-    """Each variant against the one that it changes, at equal time to the goal."""
-    episodes = Episodes.of(rows)
-    names = list(dict.fromkeys(condition.method for condition in episodes.conditions))
-    for name in names:
-        usual = VARIANTS[name].instead_of
-        comparison = equal_time(episodes, name, usual) if usual in names else None
-        if comparison is not None:
-            middle, low, high = (100 * x for x in (comparison["at_fault"], *comparison["at_fault_ci95"]))
-            yield {
-                "variant": name,
-                "minus": usual,
-                "at, s": f"{comparison['time_s']:.1f}",
-                "at fault, % (95 % interval)": f"{middle:+.1f} ({low:+.1f} to {high:+.1f})",
-            }
-
-
-def condition_rows(rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
-    """Shares and means of each variant and limit."""
-    episodes = Episodes.of(rows)
-    for condition in episodes.conditions:
-        fault, value = episodes.at_fault(condition), {k: v[condition] for k, v in episodes.value.items()}
-        low, high = share_interval(fault)
-        yield {
-            "variant": condition.method,
-            "limit": condition.risk,
-            "at fault, %": 100 * float(fault.mean()),
-            "95 % interval": f"{100 * low:.1f} to {100 * high:.1f}",
-            "collisions, %": 100 * float((value["contacts"] > 0).mean()),
-            "reached, %": 100 * float(value["reached"].mean()),
-            "time, s": float(value["time_s"].mean()),
+def curve_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
+    """A row per method and limit; per place: at fault, % (95 % interval); time, s."""
+    conditions = dict.fromkeys(c for each in places.values() for c in each.conditions)
+    for condition in conditions:
+        row = {
+            "at fault, % (95 % interval); s to the goal": LABELS.get(condition.method, condition.method),
+            "limit": f"{condition.risk:g}" if condition.risk else "",
         }
+        for name, each in places.items():
+            cell = ""
+            if condition in each.value["faults"]:
+                fault, time_s = each.at_fault(condition), each.value["time_s"][condition]
+                low, high = (100 * end for end in share_interval(fault))
+                cell = f"{100 * fault.mean():.1f} ({low:.1f}-{high:.1f}); {time_s.mean():.1f}"
+            row[f"{name} ({len(each.number)} episodes)"] = cell
+        yield row
+
+
+Curve = tuple[np.ndarray, np.ndarray]
+"""Points of a method's limits, x and y, in the episodes and in replicates of them. [1 + S, L] each."""
+
+
+def time_and_faults(each: Episodes, method: str) -> Curve:
+    """Time to the goal, s, and share of episodes with a collision at fault, at each limit."""
+    weight = np.concatenate([np.ones((1, each.draw.tracks)), each.draw.weight])
+    weight /= weight.sum(axis=1, keepdims=True)
+    limits = [c for c in each.conditions if c.method == method]
+    time_s = weight @ np.array([each.value["time_s"][c] for c in limits]).T
+    return time_s, weight @ np.array([each.at_fault(c) for c in limits]).T
+
+
+def shared_middle(one: Curve, other: Curve) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Read two curves off in the middle of the range of x that they share.
+
+    Returns:
+        That x, and y of each curve, in each replicate [1 + S]; None if they share no x.
+    """
+    low = np.maximum(one[0].min(axis=1), other[0].min(axis=1))
+    high = np.minimum(one[0].max(axis=1), other[0].max(axis=1))
+    if low[0] > high[0]:
+        return None
+    middle = 0.5 * (low + high)
+    read_off = []
+    for x, y in (one, other):
+        order = np.argsort(x, axis=1, kind="stable")
+        rows = zip(middle, np.take_along_axis(x, order, 1), np.take_along_axis(y, order, 1), strict=True)
+        read_off.append(np.array([np.interp(*row) for row in rows]))
+    return middle, *read_off
+
+
+def _ratio(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Quotients, infinite or NaN where the other is 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        quotient: np.ndarray = one / other
+    return quotient
+
+
+def equal_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
+    """A row per place: both methods in the middle of what their curves share, in time and in collisions."""
+    for name, each in places.items():
+        (time_a, fault_a), (time_b, fault_b) = (time_and_faults(each, m) for m in (_NETWORK, _SIMPLE))
+        best_s = time_and_faults(each, TRUTH)[0][:, :1]
+        by_time = shared_middle((time_a, fault_a), (time_b, fault_b))
+        by_fault = shared_middle((fault_a, time_a - best_s), (fault_b, time_b - best_s))
+        row: dict[str, Any] = {"place": name, "episodes": len(each.number)}
+        titles = ("at, s", "network, %", "Kalman, %", "network / Kalman")
+        row |= zip(titles, _cells(by_time, 1, 100), strict=True)
+        if by_time is not None and not by_time[1][0]:  # replicates of no collisions are alike
+            most = _ratio(np.array(share_interval(np.zeros(len(each.number)))[1]), by_time[2][0])
+            row["network / Kalman"] = f"0.00 (0.00 to {most:.2f})"
+        titles = ("at, %", "network, s more", "Kalman, s more", "network / Kalman, s")
+        yield row | dict(zip(titles, _cells(by_fault, 100, 1), strict=True))
+
+
+def _cells(middle: tuple[np.ndarray, ...] | None, x_scale: float, y_scale: float) -> list[str]:
+    """Where two curves are compared, their values, and the ratio of these with its 95 % interval."""
+    if middle is None:
+        return ["-"] * 4
+    at, a, b = middle
+    ratio = _ratio(a, b)
+    low, high = np.nanpercentile(ratio[1:], [2.5, 97.5], method="nearest")  # some may be infinite
+    values = [f"{x_scale * at[0]:.1f}", f"{y_scale * a[0]:.1f}", f"{y_scale * b[0]:.1f}"]
+    return [*values, f"{ratio[0]:.2f} ({low:.2f} to {high:.2f})"]
+
+
+def extreme_rows(places: dict[str, Episodes]) -> Iterator[dict[str, Any]]:
+    """A row per place: episodes with a collision at fault."""
+    for name, each in places.items():
+        row: dict[str, Any] = {"place": name}
+        for method in (_WORST, TRUTH):
+            fault = each.at_fault(Condition(method, 0.0))
+            row[f"`{method}`"] = f"{round(fault.sum())} of {len(fault)}"
+        yield row
+
+
+def drives_in(tables: Sequence[Path]) -> dict[str, list[Row]]:
+    """Place -> its drives.
+
+    Raises:
+        InputError: a table is damaged or has no drives, or two are of one place.
+    """
+    drives: dict[str, list[Row]] = {}
+    for table in tables:
+        if not (rows := read_table(table)):
+            raise InputError(
+                table, "", "no drives are in it", "Name a table that `pedpred drive` has written"
+            )
+        name = rows[0].place.replace("_", " ")
+        if name in drives:
+            raise InputError(
+                table, "", f"its place, {name}, is that of an earlier table", "Name one for each place"
+            )
+        drives[name] = rows
+    return drives
+
+
+def tables_of(drives: Mapping[str, Sequence[Row]]) -> dict[str, list[dict[str, Any]]]:
+    """Rows of all tables, by name."""
+
+    def of(*methods: str) -> dict[str, Episodes]:
+        return {
+            name: Episodes.of([r for r in rows if r.condition.method in methods])
+            for name, rows in drives.items()
+            if {*methods} <= {r.condition.method for r in rows}
+        }
+
+    return {
+        "curves": list(curve_rows({name: Episodes.of(rows) for name, rows in drives.items()})),
+        "equal": list(equal_rows(of(_NETWORK, _SIMPLE, TRUTH))),
+        "extremes": list(extreme_rows(of(_WORST, TRUTH))),
+    }
 
 
 @user_errors()
-def main() -> None:
+def main(arguments: list[str] | None = None) -> None:
+    """Print the tables, and write them into the page if asked."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.driving",
         description=__doc__,
         formatter_class=argparse.RawTextHelpFormatter,
     )
-    parser.add_argument("scene", type=Path, nargs="?")
-    parser.add_argument("--world", choices=KINDS)
-    parser.add_argument("--people", choices=REACTIONS, default=REACTIONS[0])
-    parser.add_argument("--model", type=Path, default=default_model())
-    parser.add_argument("--episodes", type=count, default=60)
-    parser.add_argument("--risk", type=probability, nargs="+", default=[0.1, 0.3, 0.6])
-    parser.add_argument("--variant", choices=list(VARIANTS), action="append")
-    parser.add_argument("--causes", action="store_true")
-    parser.add_argument("--table", type=output, help="write the drives there, too")
-    parser.add_argument("--write", action="store_true", help=f"write the comparison into {PAGE}")
-    options = parser.parse_args()
-    if (options.scene is None) == (options.world is None):
-        parser.error("name a scene, or --world")
-    variants = options.variant or list(VARIANTS)
-    comparable = any(VARIANTS[name].instead_of in variants for name in variants) and len({*options.risk}) > 1
-    if options.write and not comparable:
-        parser.error("--write writes a comparison: name a variant, the one that it changes, and two limits")
-    check_command(parser, options, "benchmarks.driving", PAGE, beside=("table", "causes"))
-    places = places_of(options.scene, options.world, options.people == REACTIONS[0])
-    trial = Trial(places, options.model, variants, options.risk, options.causes)
-    jobs = [(trial, number) for number in range(options.episodes)]
-    done = in_parallel(drive_episode, jobs, f"drive {places.name}", "episode")
-    rows = [row for driven, _ in done for row in driven]
-    if options.table:
-        write_table(options.table, rows)
-    tell(f"{places.name}, {options.episodes} episodes", list(condition_rows(rows)))
-    if compared := list(compare(rows)):
-        tell("at equal time to the goal", compared)
+    parser.add_argument("tables", type=Path, nargs="+", metavar="TABLE.csv")
+    parser.add_argument("--write", action="store_true", help=f"write the tables into {PAGE}")
+    options = parser.parse_args(arguments)
+    tables = tables_of(drives_in(options.tables))
+    for name, rows in tables.items():
+        show(name, rows)
     if options.write:
-        put("variants", compared, PAGE)
-    if causes := [row for _, hits in done for row in hits]:
-        tell("collisions at fault", causes)
+        write_tables(PAGE, tables)
 
 
 if __name__ == "__main__":

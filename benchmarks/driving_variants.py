@@ -1,32 +1,54 @@
-"""Changes of what a planner reads, and drives with them; `benchmarks.driving` says what each one is."""
+"""What a planner should read: `python -m benchmarks.driving_variants [--world KIND] [--variant NAME ...]`.
+
+The same episodes are driven with changes of what the planner reads, over several limits of risk:
+
+* `modes`, `kalman`: what `pedpred drive` calls so;
+* `modes_shown`: the network gets the robot as one more person;
+* `modes_wide`: 0.15 m more deviation at every step;
+* `modes_bounded`, `kalman_bounded`: covariances do not grow after 0.9 s, because the robot will have seen
+  people again by then (Du Toit and Burdick 2012, partially closed-loop planning);
+* `modes_and_kalman`: one more mode of weight 0.2, the Kalman filter's forecast with its covariance;
+* `kalman_first`: the Kalman filter's forecast while a person is known for less than 0.8 s;
+* `modes_hidden`: occluded people are kept for 2 s instead of 0.5 s.
+
+Each variant is compared with `modes`, or its `kalman` one with `kalman`, at equal time to the goal. The first
+table also has the processor time of a drive and of its cycles, without that of drawing the episode.
+"""
 
 from __future__ import annotations
 
+import argparse
+import logging
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from pedpred.driving.episodes import DriveSettings, Episode
+from benchmarks.tables import check_options_of_page, show, write_tables
+from pedpred.driving.episodes import DriveSettings
+from pedpred.driving.figures import Episodes, equal_time, share_interval
 from pedpred.driving.forecasters import Forecaster, PresentMotion
-from pedpred.driving.loop import Drive, drive
-from pedpred.driving.measures import find_contacts, measure
-from pedpred.driving.risk import Steps, contact_m, expected, overlap
-from pedpred.driving.runs import Places
+from pedpred.driving.loop import drive
+from pedpred.driving.measures import measure
 from pedpred.driving.table import Condition, Row
+from pedpred.driving.worlds import KINDS, REACTIONS, Worlds
+from pedpred.errors import user_errors
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.caution import YOUNG_S
 from pedpred.scenes import Forecast, Predictions
+from pedpred.workers import in_parallel
+from tools.arguments import count, probability
 
+PAGE = Path("docs/driving.md")
 _SHARE = 0.2
 _WIDE_M = 0.15
 _SEEN_AGAIN_S = 0.9
 _KEPT_S = 2.0
-_LEADS_S = (0.6, 1.2)
 
 
 @dataclass(frozen=True)
@@ -71,7 +93,7 @@ class WithKalman:
         other = self._kalman.update(time_s, track_id, position).predictions
         known_s = np.array([time_s - self._first_s.setdefault(n, time_s) for n in forecast.track_id.tolist()])
         share = np.where(known_s < YOUNG_S, self._new, self._share)[:, None]
-        if len(forecast) != len(other):  # the network has left somebody out
+        if len(forecast) != len(other):  # the network has left out a person
             return forecast
         modes = forecast.predictions
         weight = np.concatenate([(1.0 - share) * modes.weight, share], axis=1)
@@ -96,8 +118,8 @@ class Variant:
     Attributes:
         forecaster: made of a predictor without people.
         instead_of: the variant that it changes; None: nothing is compared.
-        shown: whether the forecaster is told where the robot is.
-        kept_s: people whom somebody hides are kept for so long; None: as usual.
+        shown: whether the forecaster gets the robot as a person.
+        kept_s: how long occluded people are kept; None: the default.
     """
 
     forecaster: Callable[[OnlinePredictor], Forecaster]
@@ -132,18 +154,24 @@ class Trial:
     """What is driven.
 
     Attributes:
-        places: where.
+        worlds: where.
         model: folder of the network.
         variants: names.
         risks: limits.
-        causes: whether collisions are explained.
     """
 
-    places: Places
+    worlds: Worlds
     model: Path
     variants: Sequence[str]
     risks: Sequence[float]
-    causes: bool
+
+
+class Times(NamedTuple):
+    """Processor time of drawing an episode, s; of driving it, s; and number of cycles, per condition."""
+
+    draw_s: float
+    drive_s: dict[Condition, float]
+    cycles: dict[Condition, int]
 
 
 @cache
@@ -151,17 +179,13 @@ def _predictor(model: Path, settings: OnlineSettings) -> OnlinePredictor:
     return OnlinePredictor.load(model, settings)
 
 
-def drive_episode(trial: Trial, number: int) -> tuple[list[Row], list[dict[str, Any]]]:
-    """Drive an episode with all variants; the job of one worker.
-
-    Returns:
-        A row of each variant and limit; causes of collisions, if they are asked for.
-    """
-    usual = DriveSettings()
-    place, episode = trial.places.draw(number, usual)
-    rows, causes = [], []
+def drive_episode(trial: Trial, number: int) -> tuple[list[Row], Times]:
+    """Drive an episode with all variants; the job of one worker."""
+    usual, begun_s = DriveSettings(), time.process_time()
+    place, episode = trial.worlds.draw(number, usual)
+    rows, times = [], Times(time.process_time() - begun_s, {}, {})
     for name, risk in product(trial.variants, trial.risks):
-        variant = VARIANTS[name]
+        variant, condition = VARIANTS[name], Condition(name, risk)
         online = OnlineSettings(detection_noise_m=usual.sensor.noise_m, learn_trust=False)
         if variant.kept_s is not None:
             online = replace(online, max_age_s=variant.kept_s)
@@ -170,39 +194,82 @@ def drive_episode(trial: Trial, number: int) -> tuple[list[Row], list[dict[str, 
         predictor.set_map(place.occupancy)
         settings = replace(usual, planner=replace(usual.planner, risk=risk), shown=variant.shown)
         forecaster, crowd = variant.forecaster(predictor), episode.crowd()
-        done = drive(episode, crowd, forecaster, place.occupancy, settings, trial.causes)
+        begun_s = time.process_time()
+        done = drive(episode, crowd, forecaster, place.occupancy, settings)
+        times.drive_s[condition] = time.process_time() - begun_s
+        times.cycles[condition] = len(done.state) - 1 + episode.watching
         measures = measure(done, episode.route_m, settings.robot, place.walls)
-        rows.append(Row(trial.places.name, settings.robot.kind, Condition(name, risk), number, "", measures))
-        if trial.causes:
-            about = {"variant": name, "limit": risk}
-            causes += [about | cause for cause in explain(episode, done, settings)]
-    return rows, causes
+        rows.append(Row(trial.worlds.name, settings.robot.kind, condition, number, "", measures))
+    return rows, times
 
 
-def explain(episode: Episode, done: Drive, settings: DriveSettings) -> Iterator[dict[str, Any]]:
-    """What was known and forecast of each person who was hit at the robot's fault."""
-    radius_m, noise_m = settings.robot.radius_m, settings.sensor.noise_m
-    contacts = find_contacts(done, radius_m)
-    ids = episode.crowd().track_id
-    faults = (values[contacts.fault] for values in (contacts.time_s, contacts.person, contacts.speed_mps))
-    for time_s, column, speed_mps in zip(*faults, strict=True):
-        at = episode.watching + round(time_s / done.dt_s)
-        seen = [tick for tick in range(at) if ids[column] in done.detections[tick][0]]
-        row: dict[str, Any] = {
-            "episode": episode.number,
-            "known, s": (at - seen[0]) * done.dt_s if seen else 0.0,
-            "seen in the last 1 s, %": 100 * sum(tick >= at - 10 for tick in seen) / 10,
-            "relative, m/s": float(speed_mps),
+def condition_rows(episodes: Episodes, times: Sequence[Times]) -> Iterator[dict[str, Any]]:
+    """Shares and means of each variant and limit."""
+    for condition in episodes.conditions:
+        fault, value = episodes.at_fault(condition), {k: v[condition] for k, v in episodes.value.items()}
+        low, high = share_interval(fault)
+        drive_s = np.array([each.drive_s[condition] for each in times])
+        cycles = np.array([each.cycles[condition] for each in times])
+        yield {
+            "variant": condition.method,
+            "limit": condition.risk,
+            "at fault, %": 100 * float(fault.mean()),
+            "95 % interval": f"{100 * low:.1f} to {100 * high:.1f}",
+            "collisions, %": 100 * float((value["contacts"] > 0).mean()),
+            "reached, %": 100 * float(value["reached"].mean()),
+            "time, s": float(value["time_s"].mean()),
+            "CPU, s": float(np.median(drive_s)),
+            "CPU of a cycle, ms": 1e3 * float(np.median(drive_s / cycles)),
         }
-        robot = done.state[min(round(time_s / done.dt_s), len(done.state) - 1), :2]
-        for lead_s in _LEADS_S:
-            forecast = done.forecasts[max(at - round(lead_s / done.dt_s), 0)]
-            which = np.flatnonzero(forecast.track_id == ids[column])
-            risk = np.nan
-            if len(which):
-                people, n = expected(forecast, Steps(lead_s, 1), noise_m), which[0]
-                away, spread = people.mean[n, :, 0] - robot, people.covariance[n, :, 0]
-                each = zip(people.weight[n], away, spread, strict=True)
-                risk = sum(w * overlap(*d, *c, contact_m(radius_m)) for w, d, c in each)
-            row[f"probability {lead_s} s before"] = float(risk)
-        yield row
+
+
+def comparisons(episodes: Episodes) -> Iterator[dict[str, Any]]:
+    """Each variant against the one that it changes, at equal time to the goal."""
+    names = list(dict.fromkeys(condition.method for condition in episodes.conditions))
+    for name in names:
+        usual = VARIANTS[name].instead_of
+        comparison = equal_time(episodes, name, usual) if usual in names else None
+        if comparison is not None:
+            middle, low, high = (100 * x for x in (comparison["at_fault"], *comparison["at_fault_ci95"]))
+            yield {
+                "variant": name,
+                "minus": usual,
+                "at, s": f"{comparison['time_s']:.1f}",
+                "at fault, % (95 % interval)": f"{middle:+.1f} ({low:+.1f} to {high:+.1f})",
+            }
+
+
+@user_errors()
+def main(arguments: list[str] | None = None) -> None:
+    """Drive, print, and write the comparison if asked."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.driving_variants",
+        description=__doc__,
+        formatter_class=argparse.RawTextHelpFormatter,
+    )
+    parser.add_argument("--world", choices=KINDS, default="corridor")
+    parser.add_argument("--people", choices=REACTIONS, default=REACTIONS[0])
+    parser.add_argument("--model", type=Path, default=Path("models/online/simulation_mixture"))
+    parser.add_argument("--episodes", type=count, default=120)
+    parser.add_argument("--risk", type=probability, nargs="+", default=[0.1, 0.3, 0.6])
+    parser.add_argument("--variant", choices=list(VARIANTS), action="append")
+    parser.add_argument("--write", action="store_true", help=f"write the comparison into {PAGE}")
+    options = parser.parse_args(arguments)
+    check_options_of_page(parser, options)
+    worlds = Worlds(options.world, options.people == REACTIONS[0])
+    trial = Trial(worlds, options.model, options.variant or list(VARIANTS), options.risk)
+    jobs = [(trial, number) for number in range(options.episodes)]
+    done = in_parallel(drive_episode, jobs, f"drive {worlds.name}", "episode")
+    episodes, times = Episodes.of([row for rows, _ in done for row in rows]), [each for _, each in done]
+    draw_s = float(np.median([each.draw_s for each in times]))
+    title = f"{worlds.name}, {options.episodes} episodes; drawing one takes {draw_s:.2f} s of CPU time"
+    show(title, list(condition_rows(episodes, times)))
+    compared = list(comparisons(episodes))
+    show("at equal time to the goal", compared)
+    if options.write:
+        write_tables(PAGE, {"variants": compared})
+
+
+if __name__ == "__main__":
+    logging.disable(logging.WARNING)  # about people who are drawn inside obstacles
+    main()

@@ -1,24 +1,20 @@
 """Speed of occupancy crop and angular grid, compared with plain numpy and the memory bound.
 
-`python -m benchmarks.features [--json FILE] [--main-set]`. One thread. The pedestrians are in one room of
-20 m x 20 m; 1000 of them (2.5 per m^2) are the worst case, with hundreds of others in range. The bound is the
-time of the crop's look-ups at known addresses; the angular grid is not part of it. With `--main-set` the
-features of the whole set `simulated/main` are written on two cores, and the peak memory of one long scene is
-measured.
+`python -m benchmarks.features [--json FILE]`. One thread. The pedestrians are in one room of 20 m x 20 m;
+1000 of them (2.5 per m^2) are the worst case, with hundreds of others in range. The bound is the time of the
+crop's look-ups at known addresses; the angular grid is not part of it.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
-import tempfile
 from functools import partial
-from pathlib import Path
 
 import numba
 import numpy as np
 
-from benchmarks.timing import keep, median_ms, needed, run_stage, tell, used
+from benchmarks.tables import keep, show
+from benchmarks.timing import median_ms
 from pedpred.errors import user_errors
 from pedpred.features import Neighbours, Pedestrians, Surroundings
 from pedpred.features.surroundings import Past
@@ -26,18 +22,10 @@ from pedpred.geometry import rotate
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.scenes import OccupancyMap
 from tools.arguments import output
+from tools.latency import room
 
 CROWDS = (20, 200, 1000)
 SIZES = LstmFeatures()
-MAIN = Path("data/scenes/simulated/main")
-
-
-def room(rng: np.random.Generator) -> OccupancyMap:
-    """20 m x 20 m with forty blocks."""
-    occupied = np.zeros((200, 200), dtype=bool)
-    for x, y in rng.integers(0, 190, (40, 2)):
-        occupied[x : x + 10, y : y + 10] = True
-    return OccupancyMap(occupied, np.zeros(2), 0.1)
 
 
 def crowd(count: int, rng: np.random.Generator) -> Pedestrians:
@@ -125,43 +113,15 @@ def latency(rng: np.random.Generator) -> list[dict]:
     return rows
 
 
-def main_set() -> list[dict]:
-    """Write the features of the whole set as in the pipeline, on two cores."""
-    needed(MAIN, "dvc repro simulate@main")
-    with tempfile.TemporaryDirectory() as out:
-        row = run_stage("features", "+kind=simulated", "+name=main", f"+out={out}")
-        size = sum(path.stat().st_size for path in Path(out).iterdir())
-    return [row | {"shards_mib": size / 2**20}]
-
-
-def growth() -> list[dict]:
-    """Peak memory of a scene, and of one ten times as long."""
-    scene = str(next(path.parent for path in sorted(MAIN.glob("*/scene.json"))))
-    command = [sys.executable, "-m", "benchmarks.feature_memory"]
-    ways = {
-        way: [used([*command, str(n), way, scene]).peak_mib for n in (0, 5, 50)]
-        for way in ("stream", "whole")
-    }
-    return [
-        {"blocks": way, "imports_mib": none, "50k_rows_mib": one, "500k_rows_mib": ten}
-        for way, (none, one, ten) in ways.items()
-    ]
-
-
 @user_errors()
 def main() -> None:
     """Measure, print, and write the figures if `--json` is given."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.features", description=__doc__)
     parser.add_argument("--json", type=output, help="file for the figures")
-    parser.add_argument("--main-set", action="store_true", help="also the 5 h set and the growth of memory")
     options = parser.parse_args()
     numba.set_num_threads(1)
     figures = {"latency": latency(np.random.default_rng(0))}
-    tell("Crop and angular grid of a frame, one thread", figures["latency"])
-    if options.main_set:
-        figures |= {"main_set": main_set(), "growth": growth()}
-        tell("The set main to Parquet, two workers", figures["main_set"])
-        tell("Peak memory of one scene, written and read", figures["growth"])
+    show("Crop and angular grid of a frame, one thread", figures["latency"])
     keep(figures, options.json)
 
 

@@ -10,25 +10,101 @@ activation on; and the load of the machine, the mean number of processes that wa
 from __future__ import annotations
 
 import argparse
+import itertools
 import os
 import re
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
-from benchmarks.timing import keep, needed, tell
-from pedpred.errors import user_errors
+from benchmarks.tables import keep, show
+from pedpred.errors import InputError, user_errors
 from tools.arguments import count, output, positive
 
 ROOT = Path(__file__).resolve().parents[1]
-PYTHON, STREAM = ROOT / "build/ros/bin/python", ("-m", "benchmarks.ros_stream")
+PYTHON, STREAM = ROOT / "build/ros/bin/python", "from benchmarks.ros import stream; stream()"
 _ACTIVE = re.compile(r"\[(\d+\.\d+)\] \[pedpred\]: forecasting people of")
 _SETTLED_S, _WATCH_S, _LIMIT_S = 30.0, 1.0, 90.0
+SILENCE_S, STREAM_LIMIT_S, DEPTH = 3.0, 60.0, 200
+ROOM_M = 20.0
+
+
+# In the Python that has rclpy
+
+
+def publish(node: Any, out: TextIO, people: int, rate_hz: float, seconds: float) -> None:
+    """Publish walkers, best effort, until a node has listened for so many seconds; write their stamps, ns."""
+    from people_msgs.msg import People
+    from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+    from pedpred.ros.message_types import serialize
+    from pedpred.ros.scene_messages import header
+
+    rng = np.random.default_rng(0)
+    start, velocity = rng.uniform(0.0, ROOM_M, (people, 2)), rng.normal(0.0, 1.0, (people, 2))
+    sink = node.create_publisher(
+        People, "people", QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    )
+    begun_s, end_s = time.monotonic(), time.monotonic() + STREAM_LIMIT_S
+    subscribed = False
+    for k in itertools.count():
+        if not subscribed and sink.get_subscription_count():
+            subscribed, end_s = True, time.monotonic() + seconds
+        if time.monotonic() > end_s:
+            break
+        position = ROOM_M / 2 + np.abs((start + velocity * k / rate_hz) % (2 * ROOM_M) - ROOM_M) / 2
+        listed = [
+            {"name": str(i + 1), "position": {"x": float(x), "y": float(y)}}
+            for i, (x, y) in enumerate(position)
+        ]
+        stamp_ns = time.time_ns()
+        sink.publish(serialize("people_msgs/msg/People", {"header": header(stamp_ns), "people": listed}))
+        out.write(f"{stamp_ns}\n")
+        if (left_s := begun_s + (k + 1) / rate_hz - time.monotonic()) > 0:
+            time.sleep(left_s)
+
+
+def record(node: Any, out: TextIO) -> None:
+    """Write stamps of forecasts and when they came, ns, until none has come for `SILENCE_S`."""
+    import rclpy
+    from sensor_msgs.msg import PointCloud2
+
+    latest_s = time.monotonic() + STREAM_LIMIT_S
+
+    def receive(cloud: PointCloud2) -> None:
+        nonlocal latest_s
+        stamp, latest_s = cloud.header.stamp, time.monotonic()
+        out.write(f"{stamp.sec * 10**9 + stamp.nanosec} {time.time_ns()}\n")
+
+    node.create_subscription(PointCloud2, "predictions", receive, DEPTH)
+    while time.monotonic() < latest_s + SILENCE_S:
+        rclpy.spin_once(node, timeout_sec=0.1)
+
+
+def stream() -> None:
+    """Publish or record in a process of its own: `publish FILE PEOPLE RATE_HZ SECONDS`, `record FILE`."""
+    import rclpy
+
+    role, path, *numbers = sys.argv[1:]
+    rclpy.init()
+    node = rclpy.create_node(role)
+    with Path(path).open("w") as out:
+        if role == "publish":
+            people, rate_hz, seconds = map(float, numbers)
+            publish(node, out, int(people), rate_hz, seconds)
+        else:
+            record(node, out)
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+# In this Python
 
 
 def resident_mib(process: subprocess.Popen) -> float:
@@ -64,12 +140,12 @@ def measure(folder: Path, people: int, rate_hz: float, seconds: float) -> dict[s
         "ROS_LOG_DIR": str(folder),
         "PYTHONPATH": f"{ROOT}:{ROOT / 'tests/ros_packages'}",
     }
-    sent, heard, log = (folder / name for name in ("sent", "heard", "log"))
-    told = ["-m", "pedpred.ros2", "--ros-args", "-p", "use_map:=false", "--disable-rosout-logs"]
+    sent, received, log = (folder / name for name in ("sent", "received", "log"))
+    node = ["-m", "pedpred.ros2", "--ros-args", "-p", "use_map:=false", "--disable-rosout-logs"]
     commands = [
-        [*STREAM, "record", heard],
-        [*STREAM, "publish", sent, str(people), str(rate_hz), str(seconds)],
-        told,
+        ["-c", STREAM, "record", received],
+        ["-c", STREAM, "publish", sent, str(people), str(rate_hz), str(seconds)],
+        node,
     ]
     with log.open("w") as out:
         recorder, publisher, node = (
@@ -84,9 +160,9 @@ def measure(folder: Path, people: int, rate_hz: float, seconds: float) -> dict[s
         recorder.wait(_LIMIT_S)
     finally:
         end([node, publisher, recorder])
-    times_ns = np.loadtxt(heard, np.int64, ndmin=2)
+    times_ns = np.loadtxt(received, np.int64, ndmin=2)
     if not times_ns.size:
-        raise SystemExit(f"no forecast came; the processes said:\n{log.read_text()}")
+        raise SystemExit(f"no forecast came; output of the processes:\n{log.read_text()}")
     active_s = float(_ACTIVE.findall(log.read_text())[0])
     sent_ns = np.loadtxt(sent, np.int64, ndmin=1)
     due_ns = sent_ns[sent_ns >= times_ns[0, 0]]
@@ -119,10 +195,11 @@ def main() -> None:
     parser.add_argument("--rate-hz", type=positive, default=30.0)
     parser.add_argument("--json", type=output, help="write the figures there")
     options = parser.parse_args()
-    needed(PYTHON, "make ros")
+    if not PYTHON.exists():
+        raise InputError(PYTHON, "", "it is missing", "Run `make ros`")
     with tempfile.TemporaryDirectory() as folder:
         row = measure(Path(folder), options.people, options.rate_hz, options.seconds)
-    tell("The node with a publisher and a recorder, best effort", [row])
+    show("The node with a publisher and a recorder, best effort", [row])
     keep(row, options.json)
 
 

@@ -1,25 +1,27 @@
 """Simulation speed, compared with JuPedSim and PySocialForce in one run on one thread.
 
-`python -m benchmarks.simulate [--json FILE] [--no-peers] [--main-set]`. The ground consists of
-tiles of 20 m x 20 m with eight blocks and twenty people each, so density is constant from 20 to 1000 people.
-The figure is wall time per simulated second, each simulator at its own step, without set-up (our routing
-time is listed separately). With `--main-set` the whole set `main` is simulated and written as in the
-pipeline, by two workers.
+`python -m benchmarks.simulate [--json FILE] [--no-peers]`. The ground consists of tiles of 20 m x 20 m with
+eight blocks and twenty people each, so density is constant from 20 to 1000 people. The figure is wall time
+per simulated second, each simulator at its own step, without set-up (our routing time is listed separately).
+
+JuPedSim (C++) routes people between the same targets as our simulator; PySocialForce (numba) pulls each
+person straight towards one of them. Both are installed by `pip install 'pedpred[bench]'`.
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib.util
-import tempfile
+import logging
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import yaml
 
-from benchmarks.simulation_peers import PEERS, Corners, Step
-from benchmarks.timing import keep, median_ms, run_stage, tell
+from benchmarks.tables import keep, show
+from benchmarks.timing import median_ms
 from pedpred.errors import user_errors
 from pedpred.simulation.crowd import Clock, crowd_of
 from pedpred.simulation.ground import ground_of
@@ -38,6 +40,70 @@ CROWDS = {"20 in the room": (20, (1, 1)), "200": (200, (5, 2)), "1000": (1000, (
 TARGETS = 32
 BUDGET_S = 2.0
 CHUNK_S = 3.0  # simulated time per call of our simulator
+
+Step = Callable[[], object]
+"""Advance all people by one step."""
+
+Corners = Sequence[np.ndarray]
+"""Obstacles as polygons, world frame, m; the first one outlines the ground. Each [C, 2]."""
+
+
+def jupedsim(
+    outline: Corners, start: np.ndarray, targets: np.ndarray, speed: np.ndarray
+) -> tuple[Step, float]:
+    """Helbing, Farkas & Vicsek 2000 in C++, and its default step, s.
+
+    Args:
+        outline: ground and obstacles, m.
+        start: positions, m. [N, 2]
+        targets: visited in turn, m. [G, 2]
+        speed: desired, m/s. [N]
+    """
+    import jupedsim as peer
+    import shapely
+
+    ground = shapely.Polygon(outline[0], [ring for ring in outline[1:]])
+    dt_s = 0.01
+    world = peer.Simulation(model=peer.SocialForceModel(), geometry=ground, dt=dt_s)
+    stages = [world.add_waypoint_stage(tuple(target), 0.5) for target in targets]
+    journey = peer.JourneyDescription(stages)
+    for here, there in zip(stages, np.roll(stages, -1), strict=True):
+        journey.set_transition_for_stage(here, peer.Transition.create_fixed_transition(int(there)))
+    tour = world.add_journey(journey)
+    for n, position in enumerate(start):
+        world.add_agent(
+            peer.SocialForceModelAgentParameters(
+                position=tuple(position),
+                journey_id=tour,
+                stage_id=stages[n % len(stages)],
+                desired_speed=float(speed[n]),
+                radius=0.2,
+            )
+        )
+    return world.iterate, dt_s
+
+
+def pysocialforce(
+    outline: Corners, start: np.ndarray, targets: np.ndarray, speed: np.ndarray
+) -> tuple[Step, float]:
+    """Moussaid et al. 2010 with numba, at its own step of 0.4 s; arguments as in `jupedsim`."""
+    logging.disable(logging.INFO)  # it enables the debug messages of all libraries
+    import pysocialforce as peer
+
+    logging.getLogger().setLevel(logging.WARNING)
+    segments = [
+        [x1, x2, y1, y2]
+        for ring in outline
+        for (x1, y1), (x2, y2) in zip(ring, np.roll(ring, -1, axis=0), strict=True)
+    ]
+    goal = targets[np.arange(len(start)) % len(targets)]
+    way = goal - start
+    velocity = speed[:, None] * way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-6)
+    world = peer.Simulator(np.hstack([start, velocity, goal]), obstacles=segments)
+    return world.step_once, float(world.peds.step_width)
+
+
+PEERS = {"JuPedSim": jupedsim, "PySocialForce": pysocialforce}
 
 
 def blocks(tiles: tuple[int, int]) -> np.ndarray:
@@ -103,19 +169,12 @@ def compare(label: str, settings: SocialForceSettings, peers: bool, rng: np.rand
     ]
 
 
-def main_set() -> list[dict]:
-    """Simulate and write the 5 h set as in the pipeline."""
-    with tempfile.TemporaryDirectory() as out:
-        return [run_stage("simulate", "+name=main", f"+out={out}")]
-
-
 @user_errors()
 def main() -> None:
     """Measure, print, and write the figures if `--json` is given."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.simulate", description=__doc__)
     parser.add_argument("--json", type=output, help="file for the figures")
     parser.add_argument("--no-peers", action="store_true", help="only our simulator")
-    parser.add_argument("--main-set", action="store_true", help="also measure the 5 h set: time and memory")
     options = parser.parse_args()
     missing = [name for name in PEERS if importlib.util.find_spec(name.lower()) is None]
     if missing and not options.no_peers:
@@ -129,14 +188,11 @@ def main() -> None:
         for label in CROWDS
         for row in compare(label, settings, not options.no_peers, np.random.default_rng(0))
     ]
-    tell("Walking crowds, one thread", rows)
+    show("Walking crowds, one thread", rows)
     cost = {row["crowd"]: row["ns/pedestrian_step"] for row in rows if row["simulator"] == "ours"}
     growth = cost["1000"] / cost["20 in the room"]
     figures = {"crowds": rows, "cost_1000_over_20": growth}
-    tell("Cost of our pedestrian-step", [{"1000 / 20": growth}])
-    if options.main_set:
-        figures["main_set"] = main_set()
-        tell("The set main, two workers", figures["main_set"])
+    show("Cost of our pedestrian-step", [{"1000 / 20": growth}])
     keep(figures, options.json)
 
 

@@ -5,47 +5,155 @@ of a network without memory. Data are random, sizes are those of params.yaml (`m
 includes the look-up and the augmentation of its data. All times of a row are taken in turn, round after
 round, and the medians compared, so that a machine that is busy elsewhere slows all alike.
 
-Operations per sample of a recurrent network: a product with a weight matrix of n entries takes 2 n, forward,
-and as much again for each gradient: of the weights, and of its input unless that is data. So 6 sum(n) - 2
-sum(n of the layers that read data). Those of a network without memory are counted while it computes.
-`of_rate` is the share of the best large product's rate that a step reaches; `of_products` compares it with
-the time that the same products take alone, at the sizes and in the order that the network forces.
-
-`python -m benchmarks.train --busy 1` compares steps of two threads alone with those beside busy processes,
-with threads that sleep while they wait (`OMP_WAIT_POLICY=PASSIVE`, as the stages set it) and that spin.
+`of_rate` is the share of the best large product's rate that a step reaches. Operations of a network without
+memory are counted while it computes. A recurrent network takes 2 n for the product with a weight matrix of n
+entries, and as much again for the gradients of its weights and of its input, so 6 n in all.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import os
-import subprocess
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
+from torch.utils.flop_counter import FlopCounterMode
 
-from benchmarks.beside import slowdown
-from benchmarks.learners import Case, cases
-from benchmarks.timing import keep, tell
+from benchmarks.tables import keep, show
+from pedpred.config import plain, read_params
+from pedpred.datasets import TrainingRows
+from pedpred.datasets.rows import Spans
 from pedpred.errors import user_errors
+from pedpred.features import ForecastProtocol
+from pedpred.features.perception import Following
+from pedpred.models.contract import NetworkSettings
+from pedpred.models.features import RowFormat, parse_features
+from pedpred.models.lstm.augmentation import look_up
+from pedpred.models.lstm.autoencoder import GridEncoder
+from pedpred.models.lstm.features import LstmFeatures
+from pedpred.models.registry import parse_settings
+from pedpred.settings import load, load_together
 from pedpred.training.distributed import DistributedContext, distributed_context, multiplies_bfloat16
-from pedpred.training.loop import train_step
-from tools.arguments import count, output
+from pedpred.training.instants import InstantLearner, InstantSettings
+from pedpred.training.loop import Learner, train_step
+from pedpred.training.sequences import NamedSets, SequenceLearner, SequenceSettings
+from tools.arguments import output
+
+TRACKS, TRACK_STEPS = 1000, 60
+SITUATIONS = 50_000
 
 ROUNDS = 15
 LARGE = 2048
-WAITING = {"sleep": "PASSIVE", "spin": "ACTIVE"}
-BESIDE = "mixture"
-STEPS, LONGEST_S = 10, 10.0
-"""Measured in a row; fewer where they take long."""
 
 
-def in_turn(works: dict[str, Callable[[], Any]], device: torch.device) -> dict[str, np.ndarray]:
+@dataclass(frozen=True)
+class Case:
+    """A training.
+
+    Attributes:
+        learner: on its device.
+        samples: of one step.
+        operations: floating-point operations of the matrix products of one sample, forward and backward.
+        load: looks up the data of a batch.
+    """
+
+    learner: Learner
+    samples: int
+    operations: float
+    load: Callable[[Any], object]
+
+
+def cases() -> dict[str, Callable[[DistributedContext], Case]]:
+    """Name of each network of params.yaml -> its training."""
+    cfg = read_params(Path())
+    protocol, _ = load_together([ForecastProtocol, Following], plain(cfg.protocol))
+    lstm, mixture = (
+        RowFormat(protocol, kind, parse_features(kind, plain(cfg.features[kind])))
+        for kind in ("lstm", "mixture")
+    )
+    recurrent = load_together([SequenceSettings, NamedSets], plain(cfg.training.main))[0]
+    alone = plain(cfg.training.situations) | {"shares": {"random": 1.0}, "validation_share": 0.0}
+    situations = load(InstantSettings, alone)
+
+    made: dict[str, Callable[[DistributedContext], Case]] = {}
+    for name, row in plain(cfg.methods.networks).items():
+        made[name] = partial(recurrent_case, parse_settings(row["settings"]), lstm, recurrent)
+    for name, row in plain(cfg.methods.memoryless).items():
+        made[name] = partial(situation_case, parse_settings(row["settings"]), mixture, situations)
+    return made
+
+
+def recurrent_case(
+    settings: NetworkSettings, made_with: RowFormat, training: SequenceSettings, here: DistributedContext
+) -> Case:
+    """The training of a recurrent network; a sample is one step of one lane."""
+    torch.manual_seed(0)
+    data = random_data(made_with, "grid" in settings.channels_read, np.random.default_rng(0)).to(here.device)
+    network = settings.build(data.widths, data.horizon_steps).to(here.device)
+    spans = data.spans.rows
+    learner = SequenceLearner(network, data, spans, spans, training, here)
+
+    def load(batch: Any) -> object:
+        return look_up(data, batch), data.known(batch.rows)
+
+    samples = training.lanes * training.sub_sequence
+    weights = sum(p.numel() for p in network.parameters() if p.dim() == 2)
+    return Case(learner, samples, 6 * weights, load)
+
+
+def situation_case(
+    settings: NetworkSettings, made_with: RowFormat, training: InstantSettings, here: DistributedContext
+) -> Case:
+    """The training of a network without memory; a sample is one situation."""
+    torch.manual_seed(0)
+    shapes, steps = made_with.features.shapes(), made_with.protocol.horizon_steps
+    channels = {name: torch.rand(SITUATIONS, *shape).half() for name, shape in shapes.items()}
+    future, known = torch.rand(SITUATIONS, steps, 2), torch.full((SITUATIONS,), steps)
+    one = np.zeros(1, int)
+    spans = Spans(np.array([[0, SITUATIONS]]), one, one, one)
+    data = TrainingRows(channels, future, known, spans, ("random",), made_with).to(here.device)
+    network = settings.build(data.widths, steps).to(here.device)
+    learner = InstantLearner(network, data, training, here)
+    with FlopCounterMode(display=False) as counted:
+        learner.loss(np.arange(training.rows), 0).total.backward()
+    operations = counted.get_total_flops() / training.rows
+
+    def load(batch: np.ndarray) -> object:
+        rows = torch.from_numpy(batch).to(here.device)
+        return data.inputs(rows), data.future[rows]
+
+    return Case(learner, training.rows, operations, load)
+
+
+def random_data(made_with: RowFormat, with_grid: bool, rng: np.random.Generator) -> TrainingRows:
+    """A data set of random rows, some futures cut short."""
+    rows = TRACKS * TRACK_STEPS
+    edges = np.arange(0, rows + 1, TRACK_STEPS)
+
+    def numbers(*shape: int) -> Tensor:
+        return torch.from_numpy(rng.random((rows, *shape), np.float32))
+
+    sizes, steps = made_with.features, made_with.protocol.horizon_steps
+    assert isinstance(sizes, LstmFeatures)
+    channels = {"state": numbers(2), "angular": numbers(sizes.angular_cells)}
+    if with_grid:
+        channels["grid"] = numbers(GridEncoder(sizes.grid_cells).fc.in_features).to(torch.float16)
+    spans = Spans(
+        np.stack([edges[:-1], edges[1:]], axis=-1),
+        *(np.zeros(TRACKS, int) for _ in range(2)),
+        np.arange(TRACKS),
+    )
+    known = torch.from_numpy(rng.integers(0, steps + 1, rows))
+    return TrainingRows(channels, numbers(steps, 2), known, spans, ("random",), made_with)
+
+
+def times_in_turn(works: dict[str, Callable[[], Any]], device: torch.device) -> dict[str, np.ndarray]:
     """Seconds of every work in every round, after one round to warm up. [ROUNDS] each."""
     took: dict[str, list[float]] = {name: [] for name in works}
     for _ in range(ROUNDS + 1):
@@ -63,7 +171,7 @@ def _wait(device: torch.device) -> None:
         torch.cuda.synchronize()
 
 
-def measured(name: str, case: Case, here: DistributedContext) -> dict[str, Any]:
+def measure_case(name: str, case: Case, here: DistributedContext) -> dict[str, Any]:
     """One row of the table: a network on the machine with the present number of threads."""
     batches = case.learner.batches(0)
     square = torch.rand(LARGE, LARGE, device=here.device)
@@ -73,13 +181,10 @@ def measured(name: str, case: Case, here: DistributedContext) -> dict[str, Any]:
         "load": lambda: case.load(next(batches)),
         "update": case.learner.optimizer.step,
     }
-    if case.products is not None:
-        works["products"] = case.products
     with here.precision():
-        took = in_turn(works, here.device)
+        took = times_in_turn(works, here.device)
     rate = 2 * LARGE**3 / took["rate"]
     middle = {k: float(np.median(v)) * 1e3 for k, v in took.items()}
-    alone = case.products is not None
     return {
         "model": name,
         "products": "bfloat16" if here.autocast else "float32",
@@ -90,39 +195,9 @@ def measured(name: str, case: Case, here: DistributedContext) -> dict[str, Any]:
         "steps/s": 1e3 / middle["step"],
         "samples/s": case.samples / middle["step"] * 1e3,
         "of_rate": float(np.median(case.samples * case.operations / took["step"] / rate)),
-        "of_products": float(np.median(took["products"] / took["step"])) if alone else "",
-        "products_ms": middle["products"] if alone else "",
         "load_ms": middle["load"],
         "update_ms": middle["update"],
     }
-
-
-def beside(processes: int) -> Iterator[dict[str, Any]]:
-    """Steps beside busy processes; how threads wait is read when a process starts, hence processes."""
-    script = f"from benchmarks.train import print_slowdown; print_slowdown({processes})"
-    for waiting, policy in WAITING.items():
-        environment = os.environ | {"OMP_WAIT_POLICY": policy, "OMP_NUM_THREADS": "2"}
-        done = subprocess.run(
-            [sys.executable, "-c", script], env=environment, stdout=subprocess.PIPE, check=True
-        )
-        yield {"model": BESIDE, "threads": waiting} | json.loads(done.stdout)
-
-
-def print_slowdown(processes: int) -> None:
-    """Print `slowdown` of a network's steps as JSON."""
-    with distributed_context("cpu", "auto") as here:
-        case = cases()[BESIDE](here)
-        batches = case.learner.batches(0)
-
-        def steps_ms() -> np.ndarray:
-            times = [time.perf_counter()]
-            while len(times) <= STEPS and times[-1] - times[0] < LONGEST_S:
-                train_step(case.learner, next(batches), 0)
-                times.append(time.perf_counter())
-            return np.diff(times) * 1e3
-
-        steps_ms()  # warm
-        print(json.dumps(slowdown(steps_ms, processes)))
 
 
 @user_errors()
@@ -131,15 +206,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.train", description=__doc__)
     parser.add_argument("--json", type=output, help="write the figures there")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu")
-    parser.add_argument(
-        "--busy", type=count, metavar="N", help="only beside so many busy processes, and alone"
-    )
     options = parser.parse_args()
-    if options.busy:
-        rows = list(beside(options.busy))
-        tell("Training step alone and beside busy processes, two threads", rows)
-        keep({"beside": rows}, options.json)
-        return
     rows = []
     for narrow in (False, True):
         with distributed_context(options.device, narrow) as here:
@@ -148,8 +215,8 @@ def main() -> None:
                 continue
             for threads in (1, 2) if options.device == "cpu" else (1,):
                 torch.set_num_threads(threads)
-                rows += [measured(name, make(here), here) for name, make in cases().items()]
-    tell("Training step", rows)
+                rows += [measure_case(name, make(here), here) for name, make in cases().items()]
+    show("Training step", rows)
     keep({"train": rows}, options.json)
 
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import errno
 import os
+import reprlib
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,57 +22,31 @@ _NO_ACCESS = frozenset({errno.EACCES, errno.EPERM})
 
 ROOM_REMEDY = "Nothing half-written was kept; make room on the disk or the folder writable, and try again"
 
-_LONGEST_VALUE, _LONGEST_PROBLEM, _DEEPEST = 400, 1000, 8
+_LONGEST_VALUE, _LONGEST_PROBLEM = 400, 1000
 _MOST_BITS = 512
-_BRACKETS: dict[type, tuple[str, str]] = {
-    list: ("[", "]"),
-    tuple: ("(", ")"),
-    set: ("{", "}"),
-    frozenset: ("frozenset({", "})"),
-    dict: ("{", "}"),
-}
+
+
+class _Brief(reprlib.Repr):
+    """`repr` of a part of a value, of which the rest is left out."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel = 8
+        self.maxtuple = self.maxlist = self.maxdict = self.maxset = self.maxfrozenset = 100
+        self.maxstring = self.maxlong = self.maxother = _LONGEST_VALUE
+
+    def repr_int(self, x: int, level: int) -> str:
+        """Python refuses to write numbers of more than some thousand digits."""
+        many = x.bit_length() > _MOST_BITS
+        return f"a whole number of {x.bit_length()} bits" if many else super().repr_int(x, level)
+
+
+_BRIEF = _Brief()
 
 
 def brief(value: object) -> str:
-    """Write a value into a message: as `repr` does, but at most a few lines, whatever the value holds.
-
-    What is left out is never looked at, so that a file of a few bytes cannot make a huge text.
-    """
-    return _cut("".join(_pieces(value, _LONGEST_VALUE, _DEEPEST)), _LONGEST_VALUE)
-
-
-def _pieces(value: object, room: int, deepest: int) -> Iterator[str]:
-    """Yield the parts of a value's text, until `room` characters are full."""
-    if type(value) in _BRACKETS:
-        yield from _entries(value, room, deepest)  # type: ignore[arg-type]
-    elif isinstance(value, str | bytes):
-        yield repr(value[: room + 1])
-    elif isinstance(value, int) and value.bit_length() > _MOST_BITS:
-        yield f"a whole number of {value.bit_length()} bits"
-    else:
-        yield repr(value)
-
-
-def _entries(values: Iterable[object], room: int, deepest: int) -> Iterator[str]:
-    opening, closing = _BRACKETS[type(values)]
-    if not values and type(values) in (set, frozenset):
-        yield repr(values)
-        return
-    yield opening
-    for number, entry in enumerate(values):
-        if room <= 0 or not deepest:
-            yield "..."
-            break
-        parts = [", "] if number else []
-        parts += _pieces(entry, room, deepest - 1)
-        if isinstance(values, dict):
-            parts += [": ", *_pieces(values[entry], room, deepest - 1)]
-        room -= sum(map(len, parts))
-        yield from parts
-    else:
-        if isinstance(values, tuple) and len(values) == 1:
-            yield ","
-    yield closing
+    """Write a value into a message: as `repr` does, but at most a few lines, whatever the value holds."""
+    return _cut(_BRIEF.repr(value), _LONGEST_VALUE)
 
 
 def _cut(text: str, longest: int) -> str:
@@ -92,20 +67,20 @@ def _restored(kind: type[PedpredError], args: tuple[Any, ...]) -> PedpredError:
     return error
 
 
-class ShapeError(PedpredError):
-    """An array has the wrong shape."""
-
-    def __init__(self, field: str, shape: Sequence[int], expected: str):
-        super().__init__(f"{field} has shape {tuple(shape)}, expected {expected}")
-        self.field = field
-
-
 class ValueRuleError(PedpredError):
     """A field of a value object breaks its rule."""
 
     def __init__(self, field: str, value: object, rule: str):
         super().__init__(f"{field} = {brief(value)}, but {rule}")
         self.field, self.value, self.rule = field, value, rule
+
+
+class ShapeError(PedpredError):
+    """An array has the wrong shape."""
+
+    def __init__(self, field: str, shape: Sequence[int], expected: str):
+        super().__init__(f"{field} has shape {tuple(shape)}, expected {expected}")
+        self.field = field
 
 
 class ConfigError(PedpredError):

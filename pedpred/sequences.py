@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureTable, extract_blocks
-from pedpred.fields import check_choice, check_mapping
+from pedpred.settings import check_choice, check_mapping
 from pedpred.simulation.worlds.sensing import SensingSettings
 from pedpred.simulation.worlds.settings import WorldSettings
 from pedpred.simulation.worlds.world import DRAWN_KINDS, simulate_world

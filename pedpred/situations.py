@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from pedpred.features import Surroundings, neighbours_at
-from pedpred.features.perception import parsed_kalman
 from pedpred.features.targets import Futures, future_velocities
-from pedpred.fields import LARGEST_SEED, Range, check_choice
 from pedpred.geometry import rotate
 from pedpred.models.features import RowFormat
 from pedpred.scenes import Scene, Trajectories
+from pedpred.settings import (
+    LARGEST_SEED,
+    In,
+    Range,
+    Settings,
+    check_choice,
+)
 from pedpred.simulation.sensor import SensorSettings, apply_sensor, frames_between
-from pedpred.simulation.worlds.drawing import check_intervals, log_uniform, uniform
+from pedpred.simulation.worlds.drawing import log_uniform, uniform
 from pedpred.simulation.worlds.floors import Area
 from pedpred.simulation.worlds.sensing import SensedWorld, SensingSettings, sense_world
 from pedpred.simulation.worlds.settings import WorldSettings
@@ -29,7 +34,7 @@ Rows = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class RowSettings:
+class RowSettings(Settings):
     """How training rows vary.
 
     Attributes:
@@ -47,21 +52,17 @@ class RowSettings:
         shift_m: standard deviation of that shift along each axis.
     """
 
-    seed: int
-    trackers: tuple[KalmanSettings, ...] = field(metadata={"each": parsed_kalman})
-    used_share: float
-    learning_share: float
-    acceleration_noise: Range
-    position_noise_m: Range
-    initial_speed_mps: Range
-    newborn_share: float
-    newborn: int
-    shifted_share: float
-    shift_m: float
-
-    def __post_init__(self) -> None:
-        check_intervals(self, {"(0, 100]": "acceleration_noise position_noise_m initial_speed_mps"})
-        check_intervals(self, {"[0, 1000]": "newborn shift_m", f"[0, {LARGEST_SEED}]": "seed"})
+    seed: Annotated[int, In(f"[0, {LARGEST_SEED}]")]
+    trackers: tuple[KalmanSettings, ...]
+    used_share: Annotated[float, In("[0, 1]")]
+    learning_share: Annotated[float, In("[0, 1]")]
+    acceleration_noise: Annotated[Range, In("(0, 100]")]
+    position_noise_m: Annotated[Range, In("(0, 100]")]
+    initial_speed_mps: Annotated[Range, In("(0, 100]")]
+    newborn_share: Annotated[float, In("[0, 1]")]
+    newborn: Annotated[int, In("[0, 1000]")]
+    shifted_share: Annotated[float, In("[0, 1]")]
+    shift_m: Annotated[float, In("[0, 1000]")]
 
 
 @dataclass(frozen=True)
@@ -150,7 +151,7 @@ def _with_future(tracks: Tracks, futures: Futures, horizon_s: float) -> np.ndarr
 
 
 @dataclass(frozen=True)
-class SimulatedSet:
+class SimulatedSet(Settings):
     """A set of training rows of simulated people.
 
     Attributes:
@@ -164,18 +165,18 @@ class SimulatedSet:
 
     kind: str
     input: str
-    worlds: int
-    rows: int
-    true_rows: int
-    true_share: float
+    worlds: Annotated[int, In("[1, 1000000]")]
+    rows: Annotated[int, In("[0, 10000000]")]
+    true_rows: Annotated[int, In("[0, 10000000]")]
+    true_share: Annotated[float, In("[0, 1]")]
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_choice("kind", self.kind, KINDS)
-        check_intervals(self, {"[1, 1000000]": "worlds", "[0, 10000000]": "rows true_rows"})
 
 
 @dataclass(frozen=True)
-class ViewingSettings:
+class ViewingSettings(Settings):
     """How a recording is seen several times.
 
     Attributes:
@@ -187,16 +188,12 @@ class ViewingSettings:
         noise_m: the same in annotated ones, whose positions are less precise.
     """
 
-    viewings: int
-    rows: int
-    used_share: float
-    thinnings: tuple[float, ...]
-    thinned_noise_m: tuple[float, ...]
-    noise_m: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        check_intervals(self, {"[1, 1000000]": "viewings rows", "[0.1, 1000]": "thinnings"})
-        check_intervals(self, {"[0, 100]": "thinned_noise_m noise_m"})
+    viewings: Annotated[int, In("[1, 1000000]")]
+    rows: Annotated[int, In("[1, 1000000]")]
+    used_share: Annotated[float, In("[0, 1]")]
+    thinnings: Annotated[tuple[float, ...], In("[0.1, 1000]")]
+    thinned_noise_m: Annotated[tuple[float, ...], In("[0, 100]")]
+    noise_m: Annotated[tuple[float, ...], In("[0, 100]")]
 
 
 class WatchedScene(NamedTuple):

@@ -26,7 +26,6 @@ from pedpred.driving.worlds import KINDS
 from pedpred.errors import ConfigError
 from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker
-from pedpred.fields import check_names, parsed, parsed_each, parsed_together
 from pedpred.files import write_text
 from pedpred.forecasting import MethodRow
 from pedpred.literature.settings import ComparisonSettings
@@ -35,17 +34,9 @@ from pedpred.models.registry import parse_settings
 from pedpred.report.findings import Paper
 from pedpred.report.methods import Methods
 from pedpred.report.page.player import ReplaySettings
-from pedpred.report.rows import (
-    FoldRow,
-    OnlineRows,
-    PageRows,
-    PlaceRow,
-    PublishedRows,
-    RecordingRows,
-    Reference,
-)
 from pedpred.scenes import VARIANTS
 from pedpred.sequences import SequenceSets
+from pedpred.settings import check_names, load, load_each, load_together
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
@@ -60,6 +51,15 @@ from pedpred.training.distributed import DeviceSettings, ThreadSettings
 from stages.drive import trials_of
 from stages.features import features_of, kalman_of, protocol_of
 from stages.literature import comparison_of
+from stages.row_types import (
+    FoldRow,
+    OnlineRows,
+    PageRows,
+    PlaceRow,
+    PublishedRows,
+    RecordingRows,
+    Reference,
+)
 from stages.simulate import LAYOUTS, read_layouts
 from stages.train import GROUPS, PHASES, settings_of
 from stages.train_far import phase_of
@@ -101,7 +101,7 @@ def _whole(group: str, *kinds: type) -> Check:
 
     def check_fields(cfg: Params) -> None:
         with configured(group):
-            parsed_together(kinds, part(cfg, group))
+            load_together(kinds, part(cfg, group))
 
     return check_fields
 
@@ -122,14 +122,14 @@ def _use(cfg: Params, key: str, use: SetUse) -> None:
 def _simulation(cfg: Params, name: str) -> None:
     simulation = part(cfg, "simulations", name)
     _names(f"simulations.{name}.drawn", SimulationSettings.parse(simulation).drawn, layout_names())
-    _use(cfg, f"simulations.{name}", parsed_together([SimulationSettings, SetUse], simulation)[1])
+    _use(cfg, f"simulations.{name}", load_together([SimulationSettings, SetUse], simulation)[1])
 
 
 def _place(cfg: Params, name: str) -> None:
-    place, use = parsed_together([PlaceRow, SetUse], part(cfg, "places", name))
+    place, use = load_together([PlaceRow, SetUse], part(cfg, "places", name))
     one_of(f"places.{name}.source", place.source, SOURCES)
     if place.source in SETTINGS:
-        parsed(SETTINGS[place.source], place.settings, "settings")
+        load(SETTINGS[place.source], place.settings, "settings")
     _use(cfg, f"places.{name}", use)
     if place.source in WITHOUT_VELOCITIES and row(cfg, "trackers", use.tracker).get("kind") == "truth":
         rule = "true states need velocities, which these recordings do not have; choose a Kalman filter"
@@ -140,7 +140,7 @@ def _fold(cfg: Params, study: str) -> None:
     one_of("folds", study, dict.fromkeys(STUDIES))
     tested = [f"{kind}/{name}" for kind, rows in SETS.items() for name in part(cfg, rows)]
     by_others: dict[str, str] = {}
-    for name, fold in parsed_each(FoldRow, folds := part(cfg, "folds", study)).items():
+    for name, fold in load_each(FoldRow, folds := part(cfg, "folds", study)).items():
         key = f"folds.{study}.{name}"
         _names(f"{key}.test", fold.test, tested)
         _names(f"{key}.train", fold.train, [*tested, SENSED])
@@ -158,7 +158,7 @@ def _fold(cfg: Params, study: str) -> None:
 def _methods(cfg: Params) -> None:
     _names("methods", part(cfg, "methods"), METHODS)
     for group in part(cfg, "methods"):
-        for key, method in parsed_each(MethodRow, part(cfg, "methods", group), f"methods.{group}").items():
+        for key, method in load_each(MethodRow, part(cfg, "methods", group), f"methods.{group}").items():
             with configured(f"methods.{group}"):
                 if group != "baselines":
                     with configured(f"methods.{group}.{key}.settings"):
@@ -196,7 +196,7 @@ def _networks(cfg: Params) -> list[str]:
 
 def _online(cfg: Params) -> None:
     with configured("online"):
-        _, rows = parsed_together([Following, OnlineRows], part(cfg, "online"))
+        _, rows = load_together([Following, OnlineRows], part(cfg, "online"))
     for name, export in rows.exports.items():
         kalman_of(cfg, export.tracker)
         _names(f"online.exports.{name}.network", [export.network], _networks(cfg))
@@ -227,19 +227,19 @@ def _situations(cfg: Params) -> None:
     for name in part(cfg, "situations"):
         if name == "simulated":
             with configured("situations.simulated"):
-                sets = parsed_each(SimulatedSet, part(cfg, "situations", name))
+                sets = load_each(SimulatedSet, part(cfg, "situations", name))
             for key, chosen in sets.items():
                 if chosen.kind == "arrangement":
                     _scenes(f"situations.simulated.{key}.input", chosen.input)
         else:
             with configured(f"situations.{name}"):
-                parsed(one_of("situations", name, kinds), part(cfg, "situations", name))
+                load(one_of("situations", name, kinds), part(cfg, "situations", name))
 
 
 def _training(cfg: Params) -> None:
     training = part(cfg, "training")
     with configured("training"):
-        parsed(DeviceSettings, {name: value for name, value in training.items() if name not in PHASES})
+        load(DeviceSettings, {name: value for name, value in training.items() if name not in PHASES})
     for phase in PHASES:
         with configured(f"training.{phase}"):
             settings, data = settings_of(phase, training[phase])
@@ -257,7 +257,7 @@ def _features(cfg: Params) -> None:
 
 def _recording(cfg: Params) -> None:
     with configured("recording"):
-        rows = parsed(RecordingRows, part(cfg, "recording"))
+        rows = load(RecordingRows, part(cfg, "recording"))
     _names("recording.methods", [*rows.methods, rows.animation.method], _keys(cfg))
     for name, scene in rows.scenes.items():
         if scene.scene.rpartition("/")[2] != name:
@@ -287,7 +287,7 @@ def _driving(cfg: Params) -> None:
 
 def _comparison(cfg: Params) -> None:
     with configured("comparison"):
-        reference, _ = parsed_together([Reference, Resampling], part(cfg, "comparison"))
+        reference, _ = load_together([Reference, Resampling], part(cfg, "comparison"))
     _names("comparison.reference", [reference.reference], cfg["methods"]["baselines"])
 
 
@@ -296,11 +296,11 @@ def _report(cfg: Params) -> None:
     _names("report", part(cfg, "report"), parts)
     with configured("report"):
         Methods.parse(part(cfg, "report", "methods"), cfg["comparison"]["reference"])
-        parsed(PublishedRows, {"published": cfg["report"]["published"]})
+        load(PublishedRows, {"published": cfg["report"]["published"]})
     with configured("report.paper"):
-        parsed(Paper, part(cfg, "report", "paper"))
+        load(Paper, part(cfg, "report", "paper"))
     with configured("report.page"):
-        rows, shown = parsed_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
+        rows, shown = load_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
     _names("report.page.replays", rows.replays, cfg["folds"])
     _names("report.page.methods", shown.methods, _keys(cfg))
 
@@ -311,7 +311,7 @@ def _literature(cfg: Params) -> None:
         names = [*(setting.name for setting in fields(ComparisonSettings)), *GROUPS]
         check_names(names, literature, "", f"there are {', '.join(names)}")
     with configured("literature.reader"):
-        parsed(EthUcySettings, {**part(cfg, "literature", "reader"), "recording": ""})
+        load(EthUcySettings, {**part(cfg, "literature", "reader"), "recording": ""})
     for key, fold in part(cfg, "literature", "folds").items():
         for name in ("test", "train"):
             sets = fold.get(name) if isinstance(fold, Mapping) else None
@@ -341,7 +341,7 @@ def _trained_far(cfg: Params, group: str, name: str) -> None:
 PARTS: dict[str, Check] = {
     "mirrors": _each("mirrors", lambda cfg, name: Mirrors.parse(name, part(cfg, "mirrors", name))),
     "trackers": _each("trackers", lambda cfg, name: parse_tracker(row(cfg, "trackers", name))),
-    "sensors": _each("sensors", lambda cfg, name: parsed(SensorSettings, row(cfg, "sensors", name))),
+    "sensors": _each("sensors", lambda cfg, name: load(SensorSettings, row(cfg, "sensors", name))),
     "social_forces": _each(
         "social_forces", lambda cfg, name: social_force_settings(row(cfg, "social_forces", name))
     ),

@@ -8,14 +8,14 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, part, stage, stage_key
 from pedpred.driving.trials import TrialSettings, drive_block, write_trial
-from pedpred.fields import parsed
+from pedpred.settings import load
 from pedpred.workers import in_parallel
 
 
 def trials_of(cfg: Mapping[str, Any]) -> TrialSettings:
     """Read which drives are done."""
     with configured("driving"):
-        settings: TrialSettings = parsed(TrialSettings, part(cfg, "driving"))
+        settings: TrialSettings = load(TrialSettings, part(cfg, "driving"))
     return settings
 
 

@@ -7,11 +7,11 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, stage, stage_key
 from pedpred.features.perception import Following
-from pedpred.fields import parsed
 from pedpred.models.export import export_onnx, store_half
 from pedpred.models.lstm.encoding import load_encoder
 from pedpred.models.registry import describe_network, load_format, load_network
 from pedpred.online.network import ModelDescription, write_description
+from pedpred.settings import load
 from stages.features import kalman_of
 
 
@@ -22,7 +22,7 @@ def main(cfg: DictConfig) -> None:
     out, about = Path(cfg.get("out", f"models/online/{name}")), one_of("name", name, cfg.online.exports)
     kalman = kalman_of(cfg, about.tracker)
     with configured("online"):
-        how = parsed(Following, {field.name: cfg.online[field.name] for field in fields(Following)})
+        how = load(Following, {field.name: cfg.online[field.name] for field in fields(Following)})
     checkpoint = Path(about.networks, about.network)
     network, made_with = load_network(checkpoint), load_format(checkpoint)
     encoder = None

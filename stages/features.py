@@ -13,9 +13,9 @@ from pedpred.config import SETS, configured, one_of, part, row, stage, stage_key
 from pedpred.errors import ConfigError
 from pedpred.features import ForecastProtocol, ModelFeatures, extract_blocks
 from pedpred.features.perception import Following, Perception, parse_tracker, perceived
-from pedpred.fields import parsed, parsed_together
 from pedpred.models.features import RowFormat, parse_features
 from pedpred.scenes import VARIANTS
+from pedpred.settings import load, load_together
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.storage.shards import write_manifest, write_shard
@@ -31,7 +31,7 @@ def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, Fore
     with configured(f"trackers.{source.tracker}"):
         kalman = parse_tracker(row(cfg, "trackers", source.tracker))
     with configured(f"sensors.{source.sensor}"):
-        sensor = parsed(SensorSettings, row(cfg, "sensors", source.sensor))
+        sensor = load(SensorSettings, row(cfg, "sensors", source.sensor))
     protocol, how = protocol_of(cfg)
     if kalman is None:  # true states need no differences, so inputs cannot leak the future
         return Perception(None, how.standstill_mps, sensor), replace(protocol, noncausal=False)
@@ -41,7 +41,7 @@ def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, Fore
 def protocol_of(cfg: Mapping[str, Any]) -> tuple[ForecastProtocol, Following]:
     """Read what all forecasts have in common, and how people are followed."""
     with configured("protocol"):
-        protocol, how = parsed_together([ForecastProtocol, Following], part(cfg, "protocol"))
+        protocol, how = load_together([ForecastProtocol, Following], part(cfg, "protocol"))
     return protocol, how
 
 

@@ -8,8 +8,8 @@ from pedpred.config import configured, plain, stage, stage_key
 from pedpred.errors import ConfigError, InputError
 from pedpred.evaluation.scores import Resampling, Scores, read_scores
 from pedpred.evaluation.summary import summarise_test_set
-from pedpred.fields import parsed
 from pedpred.files import write_json
+from pedpred.settings import load
 
 
 def scores_at(cfg: DictConfig, models: str, at: str) -> dict[str, dict[str, Scores]]:
@@ -39,7 +39,7 @@ def main(cfg: DictConfig) -> None:
     comparison = plain(cfg.comparison)
     reference = comparison.pop("reference")
     with configured("comparison"):
-        settings = parsed(Resampling, comparison)
+        settings = load(Resampling, comparison)
     if not (of_reference := Path("data/scores/baselines", reference)).is_dir():
         raise InputError(of_reference, "scores", "there are none")
     gathered: dict = {}

@@ -11,8 +11,8 @@ from pedpred.config import configured, plain, stage
 from pedpred.errors import InputError
 from pedpred.evaluation.scores import Resampling, pool_scores, read_scores
 from pedpred.evaluation.summary import coverages, summarise_methods
-from pedpred.fields import parsed
 from pedpred.files import write_json
+from pedpred.settings import load
 from stages.literature import networks_of
 
 
@@ -49,7 +49,7 @@ def main(cfg: DictConfig) -> None:
     out, choices = Path(cfg.get("out", "reports")), plain(cfg.comparison)
     choices.pop("reference")
     with configured("comparison"):
-        settings = parsed(Resampling, choices)
+        settings = load(Resampling, choices)
     gathered: dict[str, Any] = {}
     for name, fold in cfg.literature.folds.items():
         for scene, figures in figures_of(cfg, name, settings).items():

@@ -5,17 +5,15 @@ from dataclasses import fields
 from typing import Any
 
 from pedpred.config import configured, part
-from pedpred.fields import parsed
 from pedpred.literature.settings import ComparisonSettings
+from pedpred.settings import load
 
 
 def comparison_of(cfg: Mapping[str, Any]) -> ComparisonSettings:
     """Read what is compared, all of it; `networks` and `memoryless` say how those are trained."""
     values, names = part(cfg, "literature"), [setting.name for setting in fields(ComparisonSettings)]
     with configured("literature"):
-        settings: ComparisonSettings = parsed(
-            ComparisonSettings, {k: values[k] for k in names if k in values}
-        )
+        settings: ComparisonSettings = load(ComparisonSettings, {k: values[k] for k in names if k in values})
     return settings
 
 

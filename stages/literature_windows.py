@@ -7,10 +7,10 @@ from typing import Any
 from omegaconf import DictConfig
 
 from pedpred.config import configured, part, stage
-from pedpred.fields import parsed
 from pedpred.literature.settings import WindowSettings
 from pedpred.literature.windows import WindowSet, find_windows, protocol_of, training_rows
 from pedpred.models.features import RowFormat
+from pedpred.settings import load
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.situations import situation_columns, write_situations, write_situations_manifest
 from pedpred.tracking import KalmanBank
@@ -27,7 +27,7 @@ _PARTS = 5
 def protocol_settings(cfg: Mapping[str, Any]) -> WindowSettings:
     """Read how long windows are."""
     with configured("literature.protocol"):
-        settings: WindowSettings = parsed(WindowSettings, part(cfg, "literature", "protocol"))
+        settings: WindowSettings = load(WindowSettings, part(cfg, "literature", "protocol"))
     return settings
 
 

@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage
 from pedpred.datasets.crops import CropSplit, crops_of
-from pedpred.fields import parsed_together
+from pedpred.settings import load_together
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training.distributed import ThreadSettings
 from pedpred.training.fit import write_curve
@@ -24,7 +24,7 @@ def main(cfg: DictConfig) -> None:
     """Read data/features/simulated/main, write models/autoencoder and its curve."""
     options = plain(cfg.autoencoder)
     with configured("autoencoder"):
-        threads, split, settings = parsed_together([ThreadSettings, CropSplit, AutoencoderSettings], options)
+        threads, split, settings = load_together([ThreadSettings, CropSplit, AutoencoderSettings], options)
     torch.set_num_threads(threads.threads)
     features = Path("data/features/simulated/main")
     with configured("autoencoder"):

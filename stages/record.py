@@ -7,11 +7,11 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, part, plain, stage
 from pedpred.evaluation.forecasts import read_forecasts
-from pedpred.fields import parsed
 from pedpred.report.animation import Animation, write_animation
 from pedpred.report.methods import Methods
 from pedpred.ros import write_recording
 from pedpred.ros.foxglove import write_layout
+from pedpred.settings import load
 from pedpred.storage.scenes import read_scene
 
 
@@ -30,7 +30,7 @@ def main(cfg: DictConfig) -> None:
     methods = Methods.parse(part(cfg, "report", "methods"), cfg.comparison.reference)
     shown = {name: to_rgb(methods[name].colour) for name in methods.ordered(options.methods)}
     with configured("recording.animation"):
-        animation = parsed(Animation, plain(options.animation))
+        animation = load(Animation, plain(options.animation))
     write_recording(scene, recording.with_suffix(".mcap"), windows, shown if windows else None)
     write_layout(scene.occupancy, set(shown) - {animation.method}, recording.with_suffix(".foxglove.json"))
     write_animation(scene, windows, animation, methods, root / f"reports/walking/{scene.name}.gif")

@@ -6,7 +6,6 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import configured, part, plain, stage
-from pedpred.fields import parsed, parsed_together
 from pedpred.files import write_text
 from pedpred.report.ablation import ablation_sections
 from pedpred.report.comparison import metrics_now
@@ -14,14 +13,16 @@ from pedpred.report.document import Section, join_pages, write_pictures
 from pedpred.report.drives import drives_section, read_shown
 from pedpred.report.error_plots import horizon_table
 from pedpred.report.findings import Paper
-from pedpred.report.gallery import Evaluated, draw_gallery
-from pedpred.report.gather import gather, study_page
+from pedpred.report.gallery import draw_gallery
+from pedpred.report.gather import Evaluated, gather, study_page
 from pedpred.report.methods import Methods
 from pedpred.report.page.build import Contents, render_page
 from pedpred.report.page.player import Replay, ReplaySettings, replay
 from pedpred.report.places import places_section
-from pedpred.report.rows import PageRows
+from pedpred.report.results import results_frame
 from pedpred.report.simulation_page import flow_section
+from pedpred.settings import load, load_together
+from stages.row_types import PageRows
 
 PAGES = ("sim", "real")
 """Studies with a page of their own; the others are compared with these."""
@@ -61,9 +62,9 @@ def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote, draw every picture once, write all pages below `out`."""
     out, figures = Path(cfg.get("out", "reports")), metrics_now(Path("reports/metrics"))
     methods = Methods.parse(part(cfg, "report", "methods"), cfg.comparison.reference)
-    paper = parsed(Paper, part(cfg, "report", "paper"))
+    paper = load(Paper, part(cfg, "report", "paper"))
     with configured("report.page"):
-        page, shown = parsed_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
+        page, shown = load_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
     studies = {name: plain(folds) for name, folds in cfg.folds.items()}
     evaluated = {study: gather(study, folds) for study, folds in studies.items()}
     pages = {study: evaluated[study] for study in PAGES if study in evaluated}
@@ -87,7 +88,7 @@ def main(cfg: DictConfig) -> None:
         paper=paper,
         avif_speed=page.avif_speed,
         further=[Section("Ablations", ablations), flow_section(figures["walking"]["corridor_flow"])],
-        literature=figures.get("literature", {}),
+        literature=results_frame({"literature": figures.get("literature")}),
         published=plain(cfg.report)["published"],
         latency=figures.get("latency", {}).get("updates", []),
         places=places.blocks,

@@ -7,9 +7,9 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage
-from pedpred.fields import parsed
 from pedpred.models.features import RowFormat
 from pedpred.sequences import SequenceSets, collect_world_steps
+from pedpred.settings import load
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
 from pedpred.situations import Recipe, RowSettings
 from pedpred.storage.manifests import write_about
@@ -33,15 +33,15 @@ def main(cfg: DictConfig) -> None:
     """Write data/features/simulated/worlds, several worlds at once."""
     out = Path(cfg.get("out") or "data/features/simulated/worlds")
     with configured("sequences"):
-        sets = parsed(SequenceSets, plain(cfg.sequences))
+        sets = load(SequenceSets, plain(cfg.sequences))
     with configured("worlds"):
-        worlds = parsed(WorldSettings, plain(cfg.worlds))
+        worlds = load(WorldSettings, plain(cfg.worlds))
     with configured("sensing"):
-        sensing = parsed(SensingSettings, plain(cfg.sensing))
+        sensing = load(SensingSettings, plain(cfg.sensing))
     protocol, how = protocol_of(cfg)
     made_with = RowFormat(replace(protocol, noncausal=False), _MODEL, features_of(cfg, _MODEL))
     with configured("situations.rows"):
-        recipe = Recipe(parsed(RowSettings, plain(cfg.situations.rows)), made_with, how.standstill_mps)
+        recipe = Recipe(load(RowSettings, plain(cfg.situations.rows)), made_with, how.standstill_mps)
     todo = [(kind, number) for kind, count in sets.worlds.items() for number in range(count)]
     in_parallel(steps_into, [(out, *world, worlds, sensing, recipe) for world in todo], "steps", "world")
     names = [f"{kind}_{number:03}" for kind, number in todo]

@@ -11,8 +11,8 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, plain, row, stage, stage_key
 from pedpred.errors import ConfigError
-from pedpred.fields import parsed
 from pedpred.files import read_yaml
+from pedpred.settings import load
 from pedpred.simulation.arrangements import Arrangement, arrangements, parse_layouts, simulate_arrangement
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.settings import SimulationSettings, SocialForceSettings, social_force_settings
@@ -47,7 +47,7 @@ def main(cfg: DictConfig) -> None:
     with configured(f"social_forces.{simulation['social_force']}"):
         settings = social_force_settings(row(cfg, "social_forces", simulation["social_force"]))
     with configured("clutter"):
-        clutter = parsed(ClutterSettings, plain(cfg.clutter))
+        clutter = load(ClutterSettings, plain(cfg.clutter))
     with configured(f"simulations.{key}"):
         data_set = SimulationSettings.parse(simulation)
     with configured("layouts"):

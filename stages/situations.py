@@ -11,8 +11,8 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, plain, row, stage, stage_key
 from pedpred.features import StoredColumn
-from pedpred.fields import parsed
 from pedpred.models.features import RowFormat
+from pedpred.settings import load
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
 from pedpred.situations import (
@@ -47,11 +47,11 @@ def rows_into(
 def simulated_jobs(cfg: DictConfig, key: str, recipe: Recipe) -> list[Job]:
     """One job per world, or per scene of another set."""
     with configured(f"situations.simulated.{key}"):
-        chosen = parsed(SimulatedSet, plain(cfg.situations.simulated[key]))
+        chosen = load(SimulatedSet, plain(cfg.situations.simulated[key]))
     with configured("worlds"):
-        worlds = parsed(WorldSettings, plain(cfg.worlds))
+        worlds = load(WorldSettings, plain(cfg.worlds))
     with configured("sensing"):
-        sensing = parsed(SensingSettings, plain(cfg.sensing))
+        sensing = load(SensingSettings, plain(cfg.sensing))
     if chosen.kind == "arrangement":
         folders = scene_folders(Path(chosen.input))[: chosen.worlds]
         return [(folder.name, recorded_rows, (folder, chosen, sensing, recipe)) for folder in folders]
@@ -68,9 +68,9 @@ def real_jobs(cfg: DictConfig, key: str, recipe: Recipe) -> list[Job]:
     """One job per viewing of a place; none where no real people were recorded: nobody trains on stand-ins."""
     sensor = cfg.places[key].sensor
     with configured(f"sensors.{sensor}"):
-        rate_hz = parsed(SensorSettings, row(cfg, "sensors", sensor)).rate_hz
+        rate_hz = load(SensorSettings, row(cfg, "sensors", sensor)).rate_hz
     with configured("situations.real"):
-        settings = parsed(ViewingSettings, plain(cfg.situations.real))
+        settings = load(ViewingSettings, plain(cfg.situations.real))
     folder = Path("data/scenes/real", key)
     scene = read_scene(folder)
     numbers = range(0 if scene.unavailable or scene.stand_in else settings.viewings)
@@ -91,7 +91,7 @@ def main(cfg: DictConfig) -> None:
     causal = replace(protocol, noncausal=False)  # true states need no differences
     made_with = RowFormat(causal, _MODEL, features_of(cfg, _MODEL))
     with configured("situations.rows"):
-        recipe = Recipe(parsed(RowSettings, plain(cfg.situations.rows)), made_with, how.standstill_mps)
+        recipe = Recipe(load(RowSettings, plain(cfg.situations.rows)), made_with, how.standstill_mps)
     jobs = jobs_of(cfg, key, recipe)
     columns = situation_columns(made_with)
     tasks = [(out, name, columns, make, *rest) for name, make, rest in jobs]

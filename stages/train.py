@@ -11,9 +11,9 @@ import torch
 from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, plain, stage, stage_key
-from pedpred.fields import parsed, parsed_together
 from pedpred.models.contract import NetworkSettings
 from pedpred.models.registry import parse_settings
+from pedpred.settings import load, load_together
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.shards import has_rows
 from pedpred.storage.situations import read_situations_manifest
@@ -56,7 +56,7 @@ def device_of(cfg: DictConfig) -> DeviceSettings:
     """Read where to train; sets the number of threads."""
     with configured("training"):
         values = {field.name: cfg.training[field.name] for field in fields(DeviceSettings)}
-        device: DeviceSettings = parsed(DeviceSettings, values)
+        device: DeviceSettings = load(DeviceSettings, values)
     torch.set_num_threads(device.threads)
     return device
 
@@ -81,7 +81,7 @@ def settings_of(
     """Read a row of `training`: how to train, and what it says about its sets."""
     how = SequenceSettings if PHASES[phase].rows == SEQUENCES else InstantSettings
     data = PHASES[phase].data
-    settings, *about = parsed_together([how] if data is None else [how, data], options)
+    settings, *about = load_together([how] if data is None else [how, data], options)
     return settings, about[0] if about else None
 
 

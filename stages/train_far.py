@@ -8,8 +8,8 @@ from typing import Any
 from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, part, stage, stage_key
-from pedpred.fields import parsed, parsed_together
 from pedpred.literature.mixing import RecordingShare
+from pedpred.settings import load, load_together
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.columns import count_rows
 from pedpred.storage.shards import has_rows
@@ -30,9 +30,9 @@ def phase_of(cfg: Mapping[str, Any], group: str, name: str, phase: str) -> Phase
     options = part(cfg, "literature", group, name, phase)
     with configured(f"literature.{group}.{name}.{phase}"):
         if group == "networks":
-            return parsed(SequenceSettings, options), None
+            return load(SequenceSettings, options), None
         classes = [InstantSettings, RecordingShare][: 1 if phase == "worlds" else 2]
-        settings, *real_share = parsed_together(classes, options)
+        settings, *real_share = load_together(classes, options)
     shares = {f"simulated/{key}": share for key, share in settings.shares.items()}
     return replace(settings, shares=shares), real_share[0] if real_share else None
 

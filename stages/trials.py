@@ -10,9 +10,9 @@ from omegaconf import DictConfig
 from pedpred.config import SETS, configured, one_of, plain, row
 from pedpred.evaluation import MetricSettings
 from pedpred.evaluation.compare import Trial, evaluate_scene
-from pedpred.fields import parsed
 from pedpred.forecasting import Forecaster
 from pedpred.models.lstm.features import LstmFeatures
+from pedpred.settings import load
 from pedpred.simulation.settings import social_force_settings
 from pedpred.storage.scenes import scene_folders
 from pedpred.workers import in_parallel
@@ -28,7 +28,7 @@ def tested_sets(folds: Iterable[Mapping[str, Any]], kinds: Iterable[str]) -> lis
 def metric_settings(cfg: DictConfig) -> MetricSettings:
     """Read the choices of forecasters and the thresholds of metrics."""
     with configured("evaluation"):
-        settings: MetricSettings = parsed(MetricSettings, plain(cfg.evaluation))
+        settings: MetricSettings = load(MetricSettings, plain(cfg.evaluation))
     return settings
 
 

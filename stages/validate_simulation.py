@@ -9,10 +9,10 @@ from omegaconf import DictConfig
 from tqdm import tqdm
 
 from pedpred.config import configured, part, row, stage
-from pedpred.fields import parsed_together
 from pedpred.files import write_json, write_text
 from pedpred.report.document import write_pictures
 from pedpred.report.simulation_page import crowd_section
+from pedpred.settings import load_together
 from pedpred.simulation.corridor_flow import FlowSettings, corridor_flow
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.simulation.walking import count_walking
@@ -29,7 +29,7 @@ class ForceName:
 def flow_of(cfg: Mapping[str, Any]) -> tuple[FlowSettings, SocialForceSettings]:
     """Read the experiment in a corridor and the model of walking there."""
     with configured("validation"):
-        settings, forces = parsed_together([FlowSettings, ForceName], part(cfg, "validation"))
+        settings, forces = load_together([FlowSettings, ForceName], part(cfg, "validation"))
     with configured(f"social_forces.{forces.social_force}"):
         return settings, social_force_settings(row(cfg, "social_forces", forces.social_force))
 

@@ -5,19 +5,19 @@ import numpy as np
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
-from pedpred.fields import parsed
 from pedpred.forecasting import ForecastRequest
 from pedpred.forecasting.regions import Regions
 from pedpred.metrics import MetricScene
 from pedpred.report.findings import Paper
 from pedpred.report.methods import Methods
 from pedpred.scenes import Predictions
+from pedpred.settings import load
 from tests.simulated import read
 from tests.worlds import empty_map
 
 ROWS = {key: row for key, row in read("report/methods").items() if "mixture" not in key}
 METHODS = Methods.parse(ROWS, "kalman_cv")
-PAPER = parsed(Paper, read("report/paper"))
+PAPER = load(Paper, read("report/paper"))
 
 
 def request_about(scene, table, rows=None, **given):

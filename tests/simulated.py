@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from pedpred.fields import parsed
+from pedpred.settings import load
 from pedpred.simulation.arrangements import arrangements, parse_layouts, simulate_arrangement
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import Layout, TargetPool, layout_from
@@ -23,8 +23,8 @@ def read(name):
 SOCIAL_FORCE = read("social_forces/walking")["helbing1995"]
 SETTINGS = social_force_settings(SOCIAL_FORCE)
 CLUTTER = read("clutter/rooms")
-WORLDS = parsed(WorldSettings, read("worlds/varied"))
-SENSING = parsed(SensingSettings, read("sensing/varied"))
+WORLDS = load(WorldSettings, read("worlds/varied"))
+SENSING = load(SensingSettings, read("sensing/varied"))
 USE = {
     "social_force": "helbing1995",
     "tracker": "truth",
@@ -52,7 +52,7 @@ def asked(row, layouts=DRAWN):
     """The arrangements of a plain row of `conf/simulations`, in which the fields of `SetUse` may lack."""
     data_set = SimulationSettings.parse(USE | row)
     drawn = parse_layouts(layouts, data_set.drawn, SETTINGS)
-    return arrangements(data_set, drawn, parsed(ClutterSettings, CLUTTER), SETTINGS)
+    return arrangements(data_set, drawn, load(ClutterSettings, CLUTTER), SETTINGS)
 
 
 def short(seconds, pedestrians=20, **changes):

@@ -137,7 +137,7 @@ def test_a_figure_that_was_not_measured_is_left_open(measured_there):
     assert [line.split(" | ")[1] for line in lines[9:]] == ["- |"] * 4
 
 
-def test_the_time_to_an_error_is_that_of_the_first_validation_below_it():
+def test_steps_to_an_error_end_at_the_first_validation_below():
     ablation = read_ablation(ROOT / "conf" / "ablations" / "pretraining.yaml")
     step = [0, 100, 200, 300]
     slow = pd.DataFrame({"step": step, "validation_ade_m": [0.9, 0.8, 0.575, 0.55]})
@@ -156,67 +156,49 @@ def test_the_time_to_an_error_is_that_of_the_first_validation_below_it():
     assert lines[3].count("never") == 2
 
 
-def test_an_ablation_that_does_not_exist_is_named_beside_those_that_do():
-    known = r"\['layouts', 'mixture', 'mixture_modes', 'pretraining', 'reach', 'seeds'\]"
-    with pytest.raises(ValueRuleError, match=f"ablation = 'magic', but known ablations are {known}"):
+def test_an_unknown_ablation_is_an_error_with_the_known_ones():
+    with pytest.raises(ValueRuleError) as error:
         read_ablation(ABLATIONS[0].with_stem("magic"))
+    assert all(path.stem in str(error.value) for path in ABLATIONS)
 
 
 @pytest.mark.parametrize(
-    ("line", "said"),
-    [("titel: x", "titel = 'x', but there is no such field"), ("columns: {a: {b: 1}}", "columns.a.b = 1")],
+    ("old", "new"),
+    [("title:", "titel:"), ("entry:", "entyr:"), ("references:", "columns: {a: {b: 1}}\nreferences:")],
 )
-def test_an_unknown_key_of_an_ablation_is_named(tmp_path, line, said):
-    (file := tmp_path / "reach.yaml").write_text(f"{ABLATIONS[0].read_text()}\n{line}\n")
-    with pytest.raises(InputError, match=re.escape(said)):
+def test_an_unknown_key_of_an_ablation_is_an_error(tmp_path, old, new):
+    (file := tmp_path / "reach.yaml").write_text(ABLATIONS[0].read_text().replace(old, new, 1))
+    with pytest.raises(InputError):
         read_ablation(file)
 
 
-def test_a_point_that_does_not_exist_is_named_beside_those_that_do(monkeypatch):
+def test_an_unknown_point_is_an_error_with_the_known_ones(monkeypatch):
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr("sys.argv", ["ablate", "reach", "--point", "0.3"])
-    with pytest.raises(SystemExit, match=r"choose one of 0\.05, 0\.1, 0\.15, 0\.2"):
+    with pytest.raises(SystemExit) as ended:
         ablate.main()
-
-
-def test_a_point_without_overrides_is_in_order():
-    ablation = read_ablation(ABLATIONS[0].with_stem("reach"))
-    ablate.check_points(dataclasses.replace(ablation, points={"1": []}), ROOT / "conf")
+    assert "0.05, 0.1, 0.15, 0.2" in str(ended.value)
 
 
 @pytest.mark.parametrize(
-    ("changes", "named"),
+    "changes",
     [
-        ({"methods": ["lstmm"]}, "key 'methods' = 'lstmm': choose some of .*lstm, "),
-        ({"references": ["kalman"]}, "key 'references' = 'kalman': choose some of .*kalman_cv, "),
-        ({"points": {"1": [], "2": ["training.main.stepz=5"]}}, "training.main.stepz"),
-        ({"points": {"2": ["training.main.steps=-5"]}}, "training.main.steps"),
-        ({"points": {"wide": []}}, "key 'points' = 'wide': with an axis, .* a positive number"),
-        ({"points": {}}, "key 'points' = None: name one at least"),
-        ({"methods": []}, "key 'methods' = None: name one at least"),
-        ({"targets": ["gathr@sim"]}, "key 'targets' = 'gathr': choose one of .*gather, "),
-        ({"targets": ["gather@real"]}, "key 'metrics' = 'reports/metrics/sim.json': no target writes"),
-        ({"metrics": "reports/metrics/simulation.json"}, "key 'metrics' = .*no target writes this file"),
-        ({"entry": "sim_tset"}, "key 'entry' = 'sim_tset': study sim tests sim_test"),
-        ({"columns": {"a": Column(SIM, "sim_tset")}}, "key 'columns' = 'sim_tset': study sim tests sim_test"),
-        (
-            {"columns": {"a": Column(SIM, "sim_test", "fde")}},
-            "key 'columns' = 'fde': choose one of .*fde_m, ",
-        ),
-        ({"columns": {"a": Column(SIM, "sim_test", over="kf")}}, "key 'columns' = 'kf': choose some of "),
-        ({"columns": {"a": Column("reports/metrics/real.json", "eth")}}, "key 'metrics' = .*/real.json"),
-        ({"curves": {"lstmm": "reports/curves/sim/main_lstm.tsv"}}, "key 'curves' = 'lstmm': choose some"),
-        ({"curves": {"lstm": "reports/curve/main_lstm.tsv"}}, "key 'curves' = .*: no stage writes this file"),
-        (
-            {"always": ["methods.networks.lstm.where=[real]"]},
-            "'methods.lstm.where' = .*sim_test is simulated",
-        ),
+        {"methods": ["lstmm"]},
+        {"references": ["kalman"]},
+        {"curves": {"lstmm": "reports/curves/sim/main_lstm.tsv"}},
+        {"points": {"1": [], "2": ["training.main.stepz=5"]}},
+        {"points": {"2": ["training.main.steps=-5"]}},
+        {"points": {"wide": []}},
+        {"points": {"0": []}},
+        {"columns": {"a": Column(SIM, "sim_test", "fde")}},
+        {"columns": {"a": Column(SIM, "sim_test", over="kf")}},
     ],
+    ids=str,
 )
-def test_what_an_ablation_cannot_show_is_found_before_any_point_runs(changes, named):
-    """Figures are looked up when all points have been trained, for hours."""
+def test_an_ablation_is_checked_before_any_point_runs(changes):
     ablation = read_ablation(ABLATIONS[0].with_stem("reach"))
-    with pytest.raises((ConfigError, ValueRuleError), match=named):
+    ablate.check_points(dataclasses.replace(ablation, points={"1": []}), ROOT / "conf")
+    with pytest.raises((ConfigError, ValueRuleError)):
         ablate.check_points(dataclasses.replace(ablation, **{"points": {"1": []}} | changes), ROOT / "conf")
 
 
@@ -233,40 +215,24 @@ def test_the_ablation_that_the_page_shows_is_in_order(tmp_path):
     ablate.check_points(read_ablation(path), ROOT / "conf")
 
 
-def test_a_single_room_of_a_test_set_can_be_shown():
+@pytest.mark.parametrize("measured_there", [{}, {"sim_test": {"lstm": {}}}])
+def test_a_figure_that_no_run_measured_is_an_error(measured_there):
     ablation = read_ablation(ABLATIONS[0].with_stem("reach"))
-    of_room = dataclasses.replace(ablation, points={"1": []}, entry="sim_test_office")
-    ablate.check_points(of_room, ROOT / "conf")
+    with pytest.raises(ConfigError):
+        ablate.check_measured(ablation, {"0.1": {ablation.metrics: measured_there}})
 
 
-@pytest.mark.parametrize(
-    ("there", "said"),
-    [({}, "'entry' = 'sim_test': choose one of "), ({"sim_test": {"lstm": {}}}, "'methods' = 'kalman_cv': ")],
-)
-def test_a_figure_that_no_run_measured_is_named(there, said):
-    ablation = read_ablation(ABLATIONS[0].with_stem("reach"))
-    with pytest.raises(ConfigError, match=said):
-        ablate.check_measured(ablation, {"0.1": {ablation.metrics: there}})
-
-
-def test_a_misspelt_key_is_refused(tmp_path):
-    path = tmp_path / "odd.yaml"
-    path.write_text(ABLATIONS[0].read_text().replace("entry:", "entyr:"))
-    with pytest.raises(InputError, match=r"odd\.yaml.*entyr"):
-        read_ablation(path)
-
-
-def test_programs_are_found_where_nobody_activated_the_environment(monkeypatch):
+def test_programs_are_found_without_an_activated_environment(monkeypatch):
     there = Path(sys.executable).parent
     monkeypatch.setenv("PATH", os.pathsep.join(["/usr/bin", "/bin"]))
-    assert "usage" in ablate.said_by("dvc", "--help").lower()
-    shown = ablate.said_by("python", "-c", "import sys; print(sys.executable)")
+    assert "usage" in ablate.output_of("dvc", "--help").lower()
+    shown = ablate.output_of("python", "-c", "import sys; print(sys.executable)")
     assert Path(shown.strip()).parent == there
-    assert ablate.said_by("git", "--version")
+    assert ablate.output_of("git", "--version")
 
 
 @pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
-def test_what_waits_in_the_queue_under_the_name_of_a_point_is_not_run(tmp_path, monkeypatch):
+def test_queued_experiments_with_names_of_points_are_removed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     stages = {"gather": {"cmd": "true", "params": ["x"]}}
     for name, content in (("dvc.yaml", {"stages": stages}), ("params.yaml", {"x": 1})):

@@ -1,7 +1,7 @@
-"""Benchmarks: what they need and do not find, and how they compare times."""
+"""Benchmarks: tables, times and busy processes, and each benchmark at its smallest size."""
 
 import dataclasses
-import importlib
+import math
 import re
 import shlex
 import subprocess
@@ -12,28 +12,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import dependencies, driving, driving_curves, online, pages, rates
-from benchmarks.beside import busy, slowdown
-from benchmarks.learners import cases
-from benchmarks.pages import put
+from benchmarks import driving, people, robustness, tables
 from benchmarks.ros import end
-from benchmarks.timing import keep, tell
+from benchmarks.timing import busy, slowdown
+from benchmarks.train import cases
 from pedpred.driving.measures import Measures
 from pedpred.driving.table import Condition, Row, write_table
 from pedpred.errors import InputError
 from pedpred.plain import parse_json
 from pedpred.training.distributed import ALONE
 from pedpred.training.loop import train_step
+from tests.conftest import ROOT
+
+WALK = str(ROOT / "examples/corner/walk.txt")
 
 
-def test_what_is_missing_is_named_with_the_command_that_makes_it(tmp_path, monkeypatch):
-    monkeypatch.setattr("sys.argv", ["online", "--model", str(tmp_path / "nowhere")])
-    with pytest.raises(SystemExit) as ended:
-        online.main()
-    assert ended.value.code == f"{tmp_path}/nowhere is missing; make it: dvc repro export"
-
-
-def test_no_process_of_a_benchmark_goes_on_after_it():
+def test_processes_that_ignore_the_request_to_end_are_killed():
     waits = "import signal, time; print(flush=True); time.sleep(60)"
     deaf = waits.replace(";", "; signal.signal(signal.SIGTERM, signal.SIG_IGN);", 1)
     commands = [waits, deaf, deaf]
@@ -46,13 +40,13 @@ def test_no_process_of_a_benchmark_goes_on_after_it():
     assert [process.poll() for process in started] == [-15, -9, -9]
 
 
-def test_a_slowdown_is_that_of_the_medians():
+def test_a_slowdown_is_the_ratio_of_the_medians():
     times = iter(np.arange(6.0)[:, None] + 1)  # alone, beside, alone, ...
     found = slowdown(lambda: next(times), 1)
     assert (found["alone_ms"], found["beside_them_ms"], found["ratio"]) == (3.0, 4.0, 4 / 3)
 
 
-def test_no_busy_process_is_left():
+def test_busy_processes_end_with_their_block():
     with busy(2) as started:
         assert all(process.poll() is None for process in started)
     assert all(process.poll() is not None for process in started)
@@ -70,116 +64,118 @@ def test_a_measured_step_is_one_of_the_training(name):
     assert case.operations > 1e6
 
 
-def test_a_benchmark_that_measured_nothing_says_so_and_leaves_the_page(tmp_path, capsys):
+# Tables
+
+
+def test_figures_that_are_not_finite_are_kept_as_null(tmp_path):
+    tables.keep({"rows": [{"ms": 1.5, "routing_s": math.nan}]}, tmp_path / "new" / "figures.json")
+    kept = parse_json((tmp_path / "new" / "figures.json").read_text())
+    assert kept == {"rows": [{"ms": 1.5, "routing_s": None}]}
+
+
+def test_a_table_is_written_between_its_marks(tmp_path):
     page = tmp_path / "page.md"
-    page.write_text("<!-- table: bias -->\nold\n<!-- end -->\n")
-    tell("errors", [])
-    put("bias", [], page)
-    told = capsys.readouterr()
-    assert told.out == "\nerrors\n  nothing could be measured\n"
-    assert f"{page}: the table 'bias' stays as it is" in told.err
-    assert "old" in page.read_text()
+    page.write_text("<!-- table: noise -->\nold\n<!-- end -->\n<!-- table: bias -->\nold\n<!-- end -->\n")
+    tables.write_tables(page, {"noise": [{"place": "a|b", "m": 0.5}], "bias": []})
+    assert page.read_text() == (
+        "<!-- table: noise -->\n| place | m |\n| --- | ---: |\n| a\\|b | 0.500 |\n<!-- end -->\n"
+        "<!-- table: bias -->\nold\n<!-- end -->\n"
+    )
 
 
-@pytest.mark.parametrize("benchmark", [pages, rates, dependencies])
-def test_who_reads_a_page_while_a_benchmark_writes_it_sees_a_whole_one(benchmark, tmp_path, monkeypatch):
-    tables = "".join(f"<!-- table: {name} -->\nold\n<!-- end -->\n" for name in ("rates", "dependencies"))
-    page, old = tmp_path / "page.md", f"python -m benchmarks.rates --write\n{tables}"
-    page.write_text(old)
-    if benchmark is pages:
-        monkeypatch.setattr(benchmark, "main", lambda: put("rates", [{"frames": "new"}], page), raising=False)
-    else:
-        monkeypatch.setattr(benchmark, {rates: "_PAGE", dependencies: "PAGE"}[benchmark], page)
-        monkeypatch.setattr(
-            benchmark, {rates: "table_of", dependencies: "table"}[benchmark], lambda *_: "new"
-        )
-    monkeypatch.setattr("sys.argv", ["benchmark", "--write"])
-    with page.open() as reader:
-        benchmark.main()
-        assert reader.read() == old
-    assert "new" in page.read_text()
+# Robustness
 
-
-BEGINS = {
-    "bias": "recordings",
-    "corridors": "mean_reach",
-    "curves": "walkers",
-    "driving": "in_parallel",
-    "driving_curves": "driven_in",
-    "noise": "recordings",
-    "other_people": "rows_of",
-    "rates": "recordings",
+SMALL = {
+    "NOISES_M": (0.0, 0.1),
+    "RATES_HZ": (1.0,),
+    "TURNS_RADPS": (0.4,),
+    "TURN_NOISES_M": (0.0,),
+    "TURN_RATES_HZ": (2.5,),
+    "WIDTHS_M": (1.0,),
 }
-"""What each benchmark whose options change a table of a page calls first."""
 
 
-CHANGES = {
-    "bias": ["--model", "models/online/small"],
-    "corridors": ["--people", "3"],
-    "curves": ["--people", "3"],
-    "driving": ["--episodes", "5"],
-    "driving_curves": ["people_drives.csv"],
-    "noise": ["--seconds", "10"],
-    "other_people": ["--model", "models/online/small"],
-    "rates": ["--rate", "30"],
-}
-"""What changes the figures of each of them."""
+@pytest.fixture
+def small(monkeypatch, model):
+    """Runs a study at its smallest size; returns the rows."""
+    for name, values in SMALL.items():
+        monkeypatch.setattr(robustness, name, values)
+    shown = []
+    monkeypatch.setattr(robustness, "show", lambda _, rows: shown.append(rows))
+
+    def run(*arguments):
+        robustness.main([*arguments, "--model", str(model[0])])
+        return shown[-1]
+
+    return run
 
 
-def written():
-    """The commands of the pages that write tables, with the name of the benchmark."""
-    for page in (Path("docs")).glob("*.md"):
+def test_noise_increases_errors(small):
+    for study in ("noise", "alone"):
+        ((place, exact, noisy),) = (row.values() for row in small(study, WALK))
+        assert place == "walk"
+        assert float(exact.split()[0]) < float(noisy.split()[0])
+
+
+def test_lone_people_and_corridors_have_a_row_per_case(small):
+    (turns,) = small("curves", "--people", "3")
+    assert re.fullmatch(r"[\d.]+ / [\d.]+( \([\d.]+\))?", turns["2.5 Hz"])
+    (shares,) = small("corridors", "--people", "1")
+    assert all(np.isfinite(value) for name, value in shares.items() if name != "width, m")
+
+
+def test_bias_has_the_truth_beside_constant_velocity(small):
+    for row in small("bias", WALK):
+        assert row["windows"] >= robustness.FEWEST_WINDOWS
+        assert row["truth"] < row["cv"]  # people turn at the corner
+
+
+def test_straight_walkers_are_circles_of_infinite_radius():
+    """Both walk at the same speed."""
+    for walk in (people.straight, people.circling):
+        steps = np.linalg.norm(walk(0.01) - walk(0.0), axis=-1)
+        np.testing.assert_allclose(steps, 0.01 * people.SPEED_MPS, rtol=1e-4)
+
+
+def test_all_rates_have_the_same_windows(monkeypatch, small):
+    monkeypatch.setattr(robustness, "RATES_HZ", (1.0, 2.5))
+    columns = [list(row) for row in small("rates", WALK)]
+    assert columns[0] == columns[1]
+    assert len(columns[0]) == 4
+
+
+def test_a_corridor_is_as_wide_as_asked():
+    ground = people.corridor(2.0)
+    points = np.stack([np.full(3, 10.0), [0.0, 0.9, 1.1]], axis=-1)
+    assert ground.is_occupied(points).tolist() == [False, False, True]
+
+
+# Pages
+
+
+def commands_that_write():
+    """Module and arguments of the commands of the pages that write tables."""
+    for page in sorted((ROOT / "docs").glob("*.md")):
         for line in re.findall(r"^python -m benchmarks\..* --write\b.*$", page.read_text(), re.MULTILINE):
             words = shlex.split(line, comments=True)
-            yield words[2].removeprefix("benchmarks."), words[3:]
+            yield words[2], words[3:]
 
 
-WRITTEN = list(written())
+def test_every_table_of_a_study_has_a_command_on_its_page():
+    studies = {words[0] for module, words in commands_that_write() if module == "benchmarks.robustness"}
+    assert studies == set(robustness.STUDIES)
+    for name, study in robustness.STUDIES.items():
+        assert f"<!-- table: {name} -->" in (ROOT / study.page).read_text()
 
 
-class BegunError(Exception):
-    """A benchmark has begun to measure."""
-
-
-def begin(name, arguments, monkeypatch):
-    def measure(*_, **__):
-        raise BegunError
-
-    module = importlib.import_module(f"benchmarks.{name}")
-    monkeypatch.setattr(module, BEGINS[name], measure)
-    monkeypatch.setattr("sys.argv", [name, *arguments])
-    module.main()
-
-
-def test_the_pages_show_how_each_of_their_tables_is_written():
-    assert {name for name, _ in WRITTEN} == {*BEGINS}
-
-
-@pytest.mark.parametrize(("name", "arguments"), WRITTEN)
-def test_a_table_is_written_by_the_command_of_its_page(name, arguments, monkeypatch):
-    elsewhere = [f"/elsewhere/{word}" if "/" in word else word for word in arguments]
-    for given in (arguments, elsewhere):
-        with pytest.raises(BegunError):
-            begin(name, given, monkeypatch)
-
-
-@pytest.mark.parametrize(("name", "arguments"), WRITTEN)
-def test_other_options_than_those_of_the_page_leave_its_table_as_it_is(name, arguments, monkeypatch, capsys):
-    """Else the page would have the figures of one command and show another."""
-    plain = [word for word in arguments if word != "--write"] + CHANGES[name]
+@pytest.mark.parametrize("option", ["--model models/online/small", "--people 3", "--trust"])
+def test_a_page_is_not_written_with_other_options(option, monkeypatch):
+    monkeypatch.setattr(robustness, "show", lambda *_: pytest.fail("it measured"))
     with pytest.raises(SystemExit, match="2"):
-        begin(name, [*plain, "--write"], monkeypatch)
-    assert f"python -m benchmarks.{name}" in capsys.readouterr().err
-    with pytest.raises(BegunError):
-        begin(name, plain, monkeypatch)
+        robustness.main(["curves", "--write", *option.split()])
 
 
-@pytest.mark.parametrize("given", ["--variant modes", "--variant modes_wide --variant kalman", "--risk 0.1"])
-def test_a_comparison_to_write_is_possible_before_anything_is_driven(given, monkeypatch, capsys):
-    monkeypatch.setattr("sys.argv", ["driving", "--world", "room", "--write", *given.split()])
-    with pytest.raises(SystemExit, match="2"):
-        driving.main()
-    assert "--write writes a comparison" in capsys.readouterr().err
+# Drives
 
 
 def drives(place, *methods):
@@ -193,27 +189,20 @@ def drives(place, *methods):
     return rows
 
 
-def test_tables_of_drives_have_the_places_where_their_methods_drove(tmp_path):
+def test_tables_of_drives_have_the_places_of_their_methods(tmp_path):
     write_table(tmp_path / "a.csv", drives("a", "standing", "kalman", "modes", "true_future"))
     write_table(tmp_path / "b.csv", drives("b", "modes", "kalman"))
-    driven = driving_curves.driven_in([tmp_path / "a.csv", tmp_path / "b.csv"])
-    tables = driving_curves.tables_of(driven)
-    assert [row["place"] for row in tables["equal"]] == ["a"]
-    assert tables["tell"] == [{"place": "a", "`standing`": "2 of 4", "`true_future`": "2 of 4"}]
-    places = {key for row in tables["curves"] for key in row if "episodes" in key}
+    tables_of = driving.tables_of(driving.drives_in([tmp_path / "a.csv", tmp_path / "b.csv"]))
+    assert [row["place"] for row in tables_of["equal"]] == ["a"]
+    assert tables_of["extremes"] == [{"place": "a", "`standing`": "2 of 4", "`true_future`": "2 of 4"}]
+    places = {key for row in tables_of["curves"] for key in row if "episodes" in key}
     assert places == {"a (4 episodes)", "b (4 episodes)"}
 
 
-def test_a_place_has_one_table_and_it_has_drives(tmp_path):
-    for name, rows in (("one", drives("a", "modes")), ("other", drives("a", "kalman")), ("none", [])):
-        write_table(tmp_path / f"{name}.csv", rows)
-    with pytest.raises(InputError, match=r"other\.csv: its place, a, is that of an earlier table"):
-        driving_curves.driven_in([tmp_path / "one.csv", tmp_path / "other.csv"])
-    with pytest.raises(InputError, match=r"none\.csv: no drives are in it"):
-        driving_curves.driven_in([tmp_path / "none.csv"])
-
-
-def test_figures_that_are_no_numbers_are_kept_as_json_that_is_read_again(tmp_path):
-    keep({"rows": [{"ms": 1.5, "routing_s": float("nan")}]}, tmp_path / "new" / "figures.json")
-    kept = parse_json((tmp_path / "new" / "figures.json").read_text())
-    assert kept == {"rows": [{"ms": 1.5, "routing_s": None}]}
+@pytest.mark.parametrize("second", [drives("a", "kalman"), []], ids=["same place", "no drives"])
+def test_each_table_of_drives_has_a_place_of_its_own(tmp_path, second):
+    write_table(tmp_path / "one.csv", drives("a", "modes"))
+    write_table(tmp_path / "other.csv", second)
+    with pytest.raises(InputError) as error:
+        driving.drives_in([tmp_path / "one.csv", tmp_path / "other.csv"])
+    assert Path(error.value.path).name == "other.csv"

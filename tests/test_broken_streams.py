@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.rates import STREAMS, WARM_S, errors_m, queue
 from pedpred.errors import PedpredError
 from pedpred.geometry import rotate
 from pedpred.metrics.calibration import share_inside
@@ -17,6 +16,7 @@ from pedpred.online import OnlinePredictor
 from pedpred.scenes import OccupancyMap
 from pedpred.scenes.occupancy import FARTHEST_M
 from pedpred.tracking.tracks import FASTEST_MPS, JUMP_M
+from tests.streams import STREAMS, WARM_S, mean_error_m, queue
 
 SEEDS = st.integers(0, 2**32 - 1)
 JUMPER, NOBODY = 7, 1000
@@ -116,7 +116,7 @@ def test_people_who_run_keep_their_life():
 @pytest.fixture(scope="module")
 def usual_m():
     """The error at 10 Hz."""
-    return errors_m(STREAMS["10 Hz"])[0]
+    return mean_error_m(STREAMS["10 Hz"])
 
 
 @pytest.mark.parametrize("stream", [name for name in STREAMS if name not in ("10 Hz", *SPARSE)])
@@ -127,12 +127,12 @@ def test_fast_frames_are_no_noisier(stream, usual_m):
     now = now[(now >= WARM_S - 2.5) & (now <= WARM_S + measured_s)]
     if stream == "1000 Hz":
         now = np.concatenate([now[:-250:20], now[-250:]])
-    assert errors_m(lambda: now)[0] < 1.3 * usual_m
+    assert mean_error_m(lambda: now) < 1.3 * usual_m
 
 
 def test_a_queue_that_catches_up_is_no_noisier_than_one_frame_of_each_second():
     many = 150  # of thirty people, the means of both differ by 5 % by chance
-    assert errors_m(queue, many)[0] < errors_m(STREAMS["1 Hz"], many)[0]
+    assert mean_error_m(queue, many) < mean_error_m(STREAMS["1 Hz"], many)
 
 
 def test_a_clock_that_changes_while_nobody_is_there_costs_nothing():

@@ -28,7 +28,9 @@ BEFORE = {"sim": {"hall": {"cv": ENTRY, "lstm": ENTRY | GAP}}, "walking": {"hall
 
 
 def verdicts(after, before=BEFORE):
-    return {change.name[1:]: change.verdict for change in changes(before, after)}
+    """Verdicts by place, method and figure."""
+    found = changes(before, after)
+    return found.set_index(["place", "method", "figure"])["verdict"].to_dict()
 
 
 def changed(**figures):
@@ -57,6 +59,15 @@ def test_a_paired_difference_is_judged_by_its_own_narrow_interval():
     assert found["hall", "lstm", "ade_m_minus_reference"] == "worse"
 
 
+def test_a_difference_that_moves_with_the_reference_alone_is_not_judged():
+    """A better reference makes the differences of methods worse that stayed as they were."""
+    after = changed(ade_m_minus_reference=0.3)
+    assert verdicts(after)["hall", "lstm", "ade_m_minus_reference"] == "reference"
+    table = changes_table(changes(BEFORE, after))
+    assert table.startswith("5 figures: 0 worse")
+    assert "1 moved with the reference alone" in table
+
+
 def test_a_metric_that_should_be_high_is_worse_when_it_falls(monkeypatch):
     monkeypatch.setitem(METRICS, "hit_rate", Metric("hits", "%", "higher", METRICS["ade_m"].value))
     rates = {"hit_rate": 0.5, "hit_rate_ci95": [0.4, 0.6]}
@@ -69,7 +80,7 @@ def test_a_figure_that_moved_without_an_earlier_interval_is_listed_and_not_judge
     before = changed(**unknown)
     assert set(verdicts(before, before).values()) == {"same"}
     moved = changes(before, changed(ade_m=0.7))
-    assert [change.verdict for change in moved].count("unjudged") == 1
+    assert list(moved["verdict"]).count("unjudged") == 1
     assert "| 0.500 (no interval), 10 windows | 0.700 (0.450 to 0.550)" in changes_table(moved)
     assert "1 moved without an interval" in changes_table(moved)
     assert verdicts(before)["hall", "lstm", "ade_m"] == "same"

@@ -7,7 +7,7 @@ if in one of these ways their obstacles (outer walls left out) overlap by half, 
 
 import numpy as np
 
-from pedpred.fields import parsed
+from pedpred.settings import load
 from pedpred.simulation.arrangements import rooms
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import WALL_CELLS, Layout
@@ -64,7 +64,7 @@ def test_a_room_nearly_equals_itself_however_turned_and_lengthened():
 def test_no_test_room_nearly_equals_a_training_room():
     layouts, rows = {name: drawn(name) for name in DRAWN}, read("simulations/rooms")
     made = {
-        key: rooms(SimulationSettings.parse(rows[key]), layouts, parsed(ClutterSettings, CLUTTER))
+        key: rooms(SimulationSettings.parse(rows[key]), layouts, load(ClutterSettings, CLUTTER))
         for key in ("corridor", "main", "sim_test")
     }
     trained = [layout for key in ("corridor", "main") for layout, _ in made[key].values()]

@@ -77,8 +77,8 @@ def test_a_table_has_a_row_per_method_and_training_and_marks_the_best():
 def test_many_places_are_divided_into_tables_that_fit_a_page():
     plain = {"cv": {"label": "CV", "role": "baseline"}, "net": {"label": "Net", "role": "network"}}
     places = {f"place_{n}": figures(cv=0.4, net=0.3) for n in range(8)}
-    unseen = readme.unseen_table({"transfer": places, "real": places}, Methods.parse(plain, "cv"))
-    first, second = unseen.split("\n\n")
+    tables = readme.tables_from({"transfer": places, "real": places}, Methods.parse(plain, "cv"))
+    first, second = tables["unseen"].split("\n\n")
     assert (first.splitlines()[0].count("place"), second.splitlines()[0].count("place")) == (6, 2)
     assert first.count("\n") == second.count("\n") == 4
 

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.evaluate import hall
 from pedpred.command.prediction import predictor_for
 from pedpred.evaluation import EvaluationSettings
 from pedpred.evaluation.scores import Scores, join_scores
@@ -20,12 +19,35 @@ from pedpred.features.perception import Perception
 from pedpred.features.surroundings import present_rows
 from pedpred.forecasting.chain import instant_blocks
 from pedpred.online.assessment import assess
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from tests.exported import TRACKER
 from tests.worlds import walled_scene
 
 SETTINGS = EvaluationSettings(bootstrap=10)
+AT_ONCE, LIFE, HALL_M = 20, 200, 30.0
+"""People at a time in `hall`, detections of each, and its size."""
 EXTRACT = sys.modules["pedpred.features.extract"]
 """The module; the package has a function of this name."""
+
+
+def hall(rows: int, seed: int = 0) -> Scene:
+    """People at 10 Hz, 20 at a time, each on an arc in a hall with a wall."""
+    rng = np.random.default_rng(seed)
+    row = np.arange(rows)
+    instant, place = row // AT_ONCE, row % AT_ONCE
+    born = (instant + place * (LIFE // AT_ONCE)) // LIFE  # one after the other at each of 20 places
+    walker = born * AT_ONCE + place
+    many = int(walker.max(initial=0)) + 1
+    centre, radius_m = rng.uniform(-HALL_M / 3, HALL_M / 3, (many, 2)), rng.uniform(2.0, 6.0, many)
+    speed_mps, phase = rng.uniform(0.0, 1.6, many), rng.uniform(0.0, 2 * np.pi, many)
+    angle = phase[walker] + speed_mps[walker] / radius_m[walker] * instant * 0.1
+    on_circle = radius_m[walker, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    position = centre[walker] + on_circle + rng.normal(0.0, 0.03, (rows, 2))
+    ground = OccupancyMap(np.zeros((300, 300), bool), np.full(2, -HALL_M / 2), HALL_M / 300)
+    walls = ground.occupied.copy()
+    walls[:2] = walls[-2:] = walls[:, :2] = walls[:, -2:] = True
+    people = Trajectories(instant * 0.1, walker, position)
+    return Scene("hall", people, replace(ground, occupied=walls), 0.1)
 
 
 @pytest.fixture(scope="module")

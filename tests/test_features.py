@@ -21,6 +21,7 @@ from pedpred.tracking import KalmanSettings, follow, resampled
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 from tests.exported import LSTM_ROWS
 from tests.worlds import EXCERPT, empty_map, recorded, tracked, walled_scene
+from tools.latency import room
 
 PROTOCOL, FEATURES = LSTM_ROWS.protocol, LSTM_ROWS.features
 KALMAN = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)
@@ -363,7 +364,7 @@ def test_targets_are_the_truth_whatever_the_sensor_says():
 
 def test_the_benchmark_compares_with_the_same_grids():
     rng = np.random.default_rng(0)
-    place, frame = benchmark.room(rng), benchmark.crowd(20, rng)
+    place, frame = room(rng), benchmark.crowd(20, rng)
     crops, grids = benchmark.plain_numpy(frame, place)
     seen = benchmark.both_grids(frame, place)
     # A centre on a cell's edge may round to either side.

@@ -93,7 +93,7 @@ def test_every_format_bounds_what_it_reads(tmp_path, monkeypatch, name):
 
 @pytest.mark.parametrize("name", BINARY)
 def test_columns_that_a_file_names_are_not_named_again(tmp_path, name):
-    with pytest.raises(InputError, match=f"this is {name}, whose columns are known"):
+    with pytest.raises(InputError, match=f"{name}.*--columns"):
         read_recording(WRITERS[name](tmp_path), ReadOptions(columns=("time", "id", "x", "y")))
 
 
@@ -109,7 +109,7 @@ def test_columns_that_a_file_names_are_not_named_again(tmp_path, name):
         (write_sumo, 'x="1.2000"', 'x="left"', r"line 4: x = 'left' is not a number"),
         (write_sumo, "</fcd-export>", "", "no element found"),
         (write_stanford, " 0 0 1 ", " 0 1 ", "line 1: 9 columns, expected 10"),
-        (write_stanford, '"Pedestrian"', '"Biker"', "no row is of a person; there are 41 of 'Biker'"),
+        (write_stanford, '"Pedestrian"', '"Biker"', "41 of 'Biker'.*--class"),
         (write_drone, "0,1,1,0,1.2", "0,1,1,0,far1.2", "line 2: xCenter = 'far1.2"),
         (write_qtm, "1200.000", "near", r"line 12: Helmet_1 - 1 X = 'near' is not a number"),
         (write_magni, "1,0.2,", "1,,", "time is missing"),
@@ -231,16 +231,14 @@ def _qtm_without_times(folder):
 def test_another_rate_than_that_of_the_file_is_refused(tmp_path, write):
     path = write(tmp_path)
     assert len(people_in(path, ReadOptions(rate_hz=4.99999))) == len(PEOPLE), "fewer digits"
-    with pytest.raises(
-        InputError, match=r"the file says 5 frames per second, and --rate 4.*Leave --rate out"
-    ):
+    with pytest.raises(InputError, match="--rate"):
         read_recording(path, ReadOptions(rate_hz=4.0))
 
 
 @pytest.mark.parametrize("write", [write_jupedsim, write_archive, write_kitti])
 def test_the_rate_is_asked_for_where_no_file_says_it(tmp_path, write):
     file = write(tmp_path) if write is write_kitti else write(tmp_path, fps=None)
-    with pytest.raises(InputError, match=r"nobody says the frame rate.*--rate"):
+    with pytest.raises(InputError, match="--rate"):
         read_recording(file)
     assert read_recording(file, ReadOptions(rate_hz=5.0)).scene.detection_dt_s == pytest.approx(0.2)
 
@@ -254,11 +252,9 @@ def test_a_rate_for_a_file_with_times_is_refused(tmp_path, write):
 def test_a_unit_or_a_scale_that_differs_from_that_of_the_format_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"pixels.*--scale 0\.03"):
         read_recording(write_stanford(tmp_path))
-    with pytest.raises(
-        InputError, match="lengths are said to be m, and by --scale and --homography to be px"
-    ):
+    with pytest.raises(InputError, match="--scale and --homography"):
         read_recording(write_sumo(tmp_path), ReadOptions(pixel_m=0.1))
-    with pytest.raises(InputError, match="lengths are said to be mm, and by --unit to be cm"):
+    with pytest.raises(InputError, match="--unit"):
         read_recording(write_atc(tmp_path), ReadOptions(unit="cm"))
 
 

@@ -12,7 +12,7 @@ import pytest
 from pedpred.config import read_params
 from pedpred.errors import ValueRuleError
 from pedpred.online.network import read_origin
-from pedpred.report.rows import PromiseRow
+from stages.row_types import PromiseRow
 from tests.conftest import ROOT
 from tests.plain_git import git
 from tools import judge
@@ -20,8 +20,8 @@ from tools.judgement import metrics_of
 from tools.verdicts import (
     SEEDS,
     Verdict,
-    below,
-    got_worse,
+    at_most,
+    newly_broken,
     no_worse,
     place_verdicts,
     region_verdicts,
@@ -34,7 +34,7 @@ OWN |= {"per_step_coverage_50": [0.5] * 10, "per_step_coverage_90": [0.9] * 10}
 OWN |= {"per_step_coverage_95": [0.95] * 10}
 SIMPLE = {"cv": {"ade_m": 0.5, "standing_ade_m": 0.3}, "kalman_cv": {"ade_m": 0.4, "standing_ade_m": 0.2}}
 SIMPLE["kalman_cv"]["nll"] = 0.0
-GOOD, BAD = below("eth", "ADE", 1.0, 2.0), below("eth", "ADE", 3.0, 2.0)
+GOOD, BAD = at_most("eth", "ADE", 1.0, 2.0), at_most("eth", "ADE", 3.0, 2.0)
 PARAMS = cache(read_params)
 
 
@@ -84,11 +84,11 @@ def test_a_model_is_worse_in_regions_if_it_breaks_more_of_them():
     def model(*broken):
         return [Verdict("eth", f"region {k}", "", "", k not in broken, counted=True) for k in range(4)]
 
-    assert got_worse(model(1), model(2)) == []
-    assert got_worse(model(1, 2), model(2)) == [model(1, 2)[1]]
-    assert got_worse(model(), model(0, 1, 2, 3)) == []
-    assert got_worse(model(1), [*model(), BAD]) == []
-    assert got_worse([*model(1), BAD], model(2)) == [model(1)[1], BAD]
+    assert newly_broken(model(1), model(2)) == []
+    assert newly_broken(model(1, 2), model(2)) == [model(1, 2)[1]]
+    assert newly_broken(model(), model(0, 1, 2, 3)) == []
+    assert newly_broken(model(1), [*model(), BAD]) == []
+    assert newly_broken([*model(1), BAD], model(2)) == [model(1)[1], BAD]
 
 
 @pytest.mark.parametrize(("low", "holds"), [(-0.1, True), (0.9 * SEEDS, True), (1.1 * SEEDS, False)])
@@ -98,15 +98,15 @@ def test_an_error_is_larger_if_seeds_do_not_explain_it(low, holds):
     assert verdict.holds == holds
 
 
-def test_the_summary_repeats_what_is_broken():
-    good, bad = below("eth", "ADE", 1.0, 2.0), below("hotel", "ADE", 3.0, 2.0)
-    text = judge.summary([good, bad])
-    assert judge.line(bad) in text
-    assert "eth" not in text
-    assert "1 of 2 promises hold" in text
+def test_the_summary_repeats_what_is_broken(capsys):
+    good, bad = at_most("eth", "ADE", 1.0, 2.0), at_most("hotel", "ADE", 3.0, 2.0)
+    assert judge.print_verdicts(iter([good, bad])) == [good, bad]
+    output = capsys.readouterr().out
+    assert (output.count(judge.line(good)), output.count(judge.line(bad))) == (1, 2)
+    assert "1 of 2 promises" in output
 
 
-def test_a_folder_is_taken_from_a_revision_however_it_is_named(tmp_path, monkeypatch, capsys, model):
+def test_a_folder_is_taken_from_a_revision_however_it_is_named(tmp_path, monkeypatch, model):
     monkeypatch.chdir(tmp_path)
     folder, scratch = Path("models/online/default"), tmp_path / "scratch"
     shutil.copytree(model[0], folder)
@@ -119,14 +119,14 @@ def test_a_folder_is_taken_from_a_revision_however_it_is_named(tmp_path, monkeyp
     later = Path("models/online/later")
     later.mkdir()
     assert judge.folder_at("HEAD", later, scratch) is None
-    assert "nothing is compared" in capsys.readouterr().out
+    with pytest.raises(ValueRuleError):
+        judge.folder_at("HEAD~0", later, scratch)
 
 
-def test_there_is_nothing_to_compare_with_where_nothing_is_committed(tmp_path, capsys):
+def test_nothing_is_compared_where_nothing_is_committed(tmp_path):
     for command in ("status", "init -q"):
         subprocess.run(["git", *command.split()], cwd=tmp_path, check=False, capture_output=True)
         assert judge.folder_at("HEAD", tmp_path, tmp_path / "scratch") is None
-        assert "nothing is compared" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("history", [True, False])
@@ -134,14 +134,12 @@ def test_there_is_nothing_to_compare_with_where_nothing_is_committed(tmp_path, c
 def test_neither_a_folder_nor_a_revision_is_an_error(tmp_path, wrong, history):
     if history:
         git(tmp_path, "init -q", "commit -q --allow-empty -m empty")
-    with pytest.raises(ValueRuleError, match=r"against = .*, but there is no such folder, and git knows no"):
+    with pytest.raises(ValueRuleError):
         judge.folder_at(wrong, tmp_path, tmp_path / "scratch")
 
 
 @pytest.mark.parametrize("option", ["--against", "--replace"])
-def test_a_folder_without_a_model_is_refused_before_anything_is_measured(
-    tmp_path, monkeypatch, capsys, model, option
-):
+def test_a_folder_without_a_model_is_refused_before_measuring(tmp_path, monkeypatch, capsys, model, option):
     monkeypatch.chdir(ROOT)
     with pytest.raises(SystemExit, match=str(tmp_path)):
         judge.main([str(model[0]), option, str(tmp_path)])
@@ -149,21 +147,21 @@ def test_a_folder_without_a_model_is_refused_before_anything_is_measured(
 
 
 @pytest.mark.parametrize("judged", [True, False])
-def test_a_folder_cut_between_its_files_is_refused_before_anything_is_measured(
+def test_files_of_two_models_are_refused_before_measuring(
     judged, tmp_path, monkeypatch, capsys, model, mixture
 ):
     monkeypatch.chdir(ROOT)
     cut = tmp_path / "cut"
     shutil.copytree(model[0], cut)
     shutil.copy(mixture[0] / "network.onnx", cut)
-    with pytest.raises(SystemExit, match=rf"not those of one model\..* `git restore {cut}`"):
+    with pytest.raises(SystemExit, match=f"git restore {cut}"):
         judge.main([str(cut)] if judged else [str(model[0]), "--replace", str(cut)])
     assert not capsys.readouterr().out
 
 
 def test_it_fails_and_writes_what_it_found(tmp_path, monkeypatch, capsys, model):
     monkeypatch.chdir(ROOT)
-    found = [below("eth", "ADE", 3.0, 2.0)]
+    found = [at_most("eth", "ADE", 3.0, 2.0)]
     monkeypatch.setattr(judge.Judgement, "verdicts", lambda self, against: iter(found))
     (tmp_path / "model").symlink_to(model[0])
     with pytest.raises(SystemExit, match="1"):
@@ -224,7 +222,7 @@ def contents(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_a_model_is_judged_by_the_latest_figures_of_a_run_that_exports_it(tmp_path, monkeypatch):
+def test_a_model_is_judged_by_the_latest_run_that_exports_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder, metrics, lock = Path("models/default"), Path("reports/metrics/real.json"), Path("dvc.lock")
 

@@ -5,30 +5,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.online import laws, trials
-from pedpred.online.trials import RATES_HZ, Move, crowded
 from tests.conftest import ROOT
+from tools import law_worlds, laws
+from tools.law_worlds import RATES_HZ, Move, crowded
 
 SHIPPED = ROOT / "models/online/default"
 SEEDS = st.integers(0, 2**32 - 1)
-GAPS = [
-    (laws.moved_gap_m, laws.MOVED_M),
-    (laws.turned_gap_m, laws.MOVED_M),
-    (laws.renamed_gap_m, laws.MOVED_M),
-    (laws.far_gap_m, laws.FAR_M),
-    (laws.mirrored_gap_m, laws.MIRRORED_M),
-]
 
 
-def named(gap):
-    return gap[0].__name__
-
-
-@pytest.mark.parametrize("gap", GAPS, ids=named)
+@pytest.mark.parametrize("gap", laws.GAPS.values(), ids=laws.GAPS)
 @pytest.mark.parametrize("network", ["untrained", "shipped"])
 @settings(max_examples=5, deadline=None)
 @given(seed=SEEDS)
-def test_worlds_elsewhere_have_the_same_forecasts_whatever_was_learned(mixture, network, gap, seed):
+def test_forecasts_obey_the_laws_whatever_was_learned(mixture, network, gap, seed):
     law, most = gap
     assert law(mixture[0] if network == "untrained" else SHIPPED, np.random.default_rng(seed)) <= most
 
@@ -54,7 +43,7 @@ def test_straight_walkers_go_on_for_minutes():
 
 @pytest.mark.parametrize("rate_hz", [2.5, 10.0])
 def test_runners_go_on_as_walkers_do(rate_hz, monkeypatch):
-    monkeypatch.setattr(trials, "SPEEDS_MPS", (2.5, 5.0))
+    monkeypatch.setattr(law_worlds, "SPEEDS_MPS", (2.5, 5.0))
     walked = laws.straight_shares(SHIPPED, np.random.default_rng(0), rate_hz, seconds=15.0, people=8)
     assert walked["speed_mps"].max() == pytest.approx(5.0)
     assert laws.STRAIGHT[0] <= walked["share"].min() <= walked["share"].max() <= laws.STRAIGHT[1]

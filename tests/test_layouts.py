@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from pedpred.errors import ConfigError
-from pedpred.fields import parsed
+from pedpred.settings import load
 from pedpred.simulation.clutter import ClutterSettings, draw_cluttered_room
 from pedpred.simulation.ground import ground_of, signed_distance
 from pedpred.simulation.layouts import Layout, draw_targets
@@ -34,7 +34,7 @@ def connected_parts(distance, clearance_m):
 
 
 def room_maps(seeds):
-    settings = parsed(ClutterSettings, CLUTTER)
+    settings = load(ClutterSettings, CLUTTER)
     return [draw_cluttered_room(settings, np.random.default_rng(seed)).occupancy() for seed in seeds]
 
 

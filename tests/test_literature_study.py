@@ -25,6 +25,7 @@ from pedpred.models.lstm.encoding import encode
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.report.literature import SCENES, literature_section
 from pedpred.report.methods import Methods
+from pedpred.report.results import results_frame
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
@@ -280,7 +281,9 @@ def test_the_tables_name_stricter_folds_and_average_whole_rows_alone():
     own = {"ade_m": 0.4, "fde_m": 0.8, "best_ade_m": 0.2, "best_fde_m": 0.3}
     figures = {scene: {"cv": {"ade_m": 0.5, "fde_m": 1.0}, "mixture": own} for scene in SCENES}
     figures["zara1_without_street"] = {"mixture": own | {"ade_m": 0.9}}
-    (section,) = literature_section(figures, PARAMS["report"]["published"], methods)
+    (section,) = literature_section(
+        results_frame({"literature": figures}), PARAMS["report"]["published"], methods
+    )
     _, single, best = section.blocks
     rows = {row.cells[0].text: [cell.text for cell in row.cells] for row in single.rows}
     label = methods["mixture"].label
@@ -295,4 +298,4 @@ def test_the_tables_name_stricter_folds_and_average_whole_rows_alone():
     names = [row.cells[0].text for row in best.blocks[1].rows]
     assert sum(name.startswith(label) for name in names) == 2
     assert methods["cv"].label not in names
-    assert literature_section({}, [], methods) == []
+    assert literature_section(results_frame({}), [], methods) == []

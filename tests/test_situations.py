@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import parsed
 from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.settings import load
 from pedpred.simulation.worlds import simulate_world
 from pedpred.simulation.worlds.views import Area
 from pedpred.situations import (
@@ -30,7 +30,7 @@ from tests.simulated import SENSING, read, short_worlds
 from tests.worlds import walled_scene
 
 CONF = read("situations/varied")
-ROWS = parsed(RowSettings, CONF["rows"])
+ROWS = load(RowSettings, CONF["rows"])
 WORLDS = short_worlds(12.0, warm_up_s=5.0)
 PROTOCOL = MIXTURE_ROWS.protocol
 RECIPE = Recipe(ROWS, MIXTURE_ROWS, 0.2)
@@ -216,4 +216,4 @@ def test_errors_name_the_field():
         replace(VIEWINGS, thinnings=())
     wrong = {"trackers": [{"acceleration_noise": 0.0, "position_noise_m": 0.1}]}
     with pytest.raises(ValueRuleError, match=r"rows\.trackers\[0\]"):
-        parsed(RowSettings, CONF["rows"] | wrong, "rows")
+        load(RowSettings, CONF["rows"] | wrong, "rows")

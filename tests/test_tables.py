@@ -208,7 +208,7 @@ def test_whom_a_robot_may_hit_is_a_person_and_other_road_users_are_not(write, la
 
 def test_classes_that_are_no_words_for_people_are_asked_for(write):
     path = write(lines(",", (*HEADER, "type"), [(*row, row[1]) for row in ROWS]))
-    with pytest.raises(InputError, match=r"no row is of a person; there are 12 of '[37]'.*--class"):
+    with pytest.raises(InputError, match=r"12 of '[37]'.*--class"):
         people_in(path)
     assert set(people_in(path, classes=("7",)).track_id) == {7}
     with pytest.raises(InputError, match="no column holds classes"):
@@ -235,7 +235,7 @@ def test_a_row_with_a_value_too_many_or_too_few_is_named(write, row, many, separ
         ("time,id,x,y,x\n0,1,2,3,4\n", "several columns 'x'.*--columns time,id,x,y"),
         ("x_cm,y_m,id,t\n0,1,2,3\n", "x and y have the units cm and m"),
         ("time,id,x,y\n0,1,2,left\n", "line 2: y = 'left' is not a number"),
-        ("time;id;x;y\n0;1;2,5;3\n", "line 2: x = '2,5' is not a number. Say the decimal mark: --decimal ,"),
+        ("time;id;x;y\n0;1;2,5;3\n", "line 2: x = '2,5' is not a number.*--decimal ,"),
         ("time,id,x,y\n0,1,2,5,3\n", "line 2: 5 columns"),
         ("time,id,x,y\n0,1,inf,3\n", "line 2: x = 'inf', must be finite"),
         ("time,id,x,y\n0,1,1_0,3\n", "line 2: x = '1_0' is not a number"),

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import parsed
 from pedpred.report.simulation_page import weidmann_speed_mps
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.settings import load
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.simulation.worlds import (
     DRAWN_KINDS,
@@ -403,7 +403,7 @@ def test_a_view_cuts_the_ends_off(worlds):
 
 @pytest.mark.parametrize("settings", [SETTINGS, replace(SENSING, late_s=(1.0, 2.0))])
 def test_settings_can_be_written_as_plain_text(settings):
-    assert parsed(type(settings), json.loads(json.dumps(asdict(settings)))) == settings
+    assert load(type(settings), json.loads(json.dumps(asdict(settings)))) == settings
 
 
 def test_errors_name_the_field():
@@ -411,10 +411,10 @@ def test_errors_name_the_field():
     worlds["corridor"]["forms"] = {}
     sensing["views"]["room"]["window_m"] = [0.0, 1.0]
     with pytest.raises(ValueRuleError, match=r"worlds\.corridor\.forms"):
-        parsed(WorldSettings, worlds, "worlds")
+        load(WorldSettings, worlds, "worlds")
     with pytest.raises(ValueRuleError, match="width_m"):
         replace(WORLDS.corridor, width_m=(3.0, 2.0))
     with pytest.raises(ValueRuleError, match=r"views\.room\.window_m"):
-        parsed(SensingSettings, sensing)
+        load(SensingSettings, sensing)
     with pytest.raises(ValueRuleError, match="kind"):
         simulate_world("tunnel", 0, SETTINGS)

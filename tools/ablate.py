@@ -11,13 +11,11 @@ import argparse
 import itertools
 import json
 import logging
-import math
 import re
 import subprocess
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
-from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,7 +27,7 @@ from tqdm import tqdm
 
 from pedpred.config import composed, config_errors, one_of, plain, read_params
 from pedpred.errors import ConfigError
-from pedpred.files import check_output, read_yaml, write_json, write_text
+from pedpred.files import check_output, write_json, write_text
 from pedpred.metrics.table import METRICS
 from pedpred.plain import parse_yaml
 from pedpred.report.ablation import (
@@ -53,15 +51,15 @@ if TYPE_CHECKING:
 
 PATIENCE_S = 2.0  # between two looks at the queue
 _FIGURES = [*METRICS, *(f"{key}_minus_reference" for key in METRICS), "windows", "eligible", "tracks"]
-_STUDY = re.compile(r"reports/metrics/(\w+)\.json")
+_NUMBER = re.compile(r"(?=.*[1-9])\d*\.?\d+")
 _LOOKS = 30  # until workers are started again, in case that one has died: DVC starts only missing ones
 
 
-def said_by(*command: str) -> str:
-    """Output of a command.
+def output_of(*command: str) -> str:
+    """Run a command and return its output.
 
     Raises:
-        SystemExit: it failed; with what it said.
+        SystemExit: it failed; with its output.
     """
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=beside_python())
     if done.returncode:
@@ -69,9 +67,9 @@ def said_by(*command: str) -> str:
     return done.stdout
 
 
-def finished() -> dict[str, str]:
+def finished_experiments() -> dict[str, str]:
     """Git references of all finished experiments by name; `failed` is there once one has failed."""
-    references = said_by("git", "for-each-ref", "--format=%(refname)", "refs/exps").split()
+    references = output_of("git", "for-each-ref", "--format=%(refname)", "refs/exps").split()
     return {reference.rpartition("/")[2]: reference for reference in references}
 
 
@@ -97,7 +95,7 @@ def leave_queue(names: Collection[str]) -> None:
         queue.clear(failed=True)
         for status, command in (("Queued", "remove"), ("Running", "kill")):
             if tasks := _tasks(queue, names, status):
-                said_by("dvc", "queue", command, *tasks)
+                output_of("dvc", "queue", command, *tasks)
         while _tasks(queue, names, "Running"):
             time.sleep(PATIENCE_S)
         queue.clear(failed=True)
@@ -108,14 +106,14 @@ def _tasks(queue: LocalCeleryQueue, names: Collection[str], status: str) -> list
     return [task["rev"] for task in queue.status() if task["status"] == status and task["name"] in names]
 
 
-def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) -> dict[str, str]:
+def run_points(ablation: Ablation, experiments: Mapping[str, str], jobs: int) -> dict[str, str]:
     """Run every point as a queued DVC experiment; their git references by point."""
     leave_queue(experiments.values())
-    if stale := sorted(set(experiments.values()) & set(finished())):
-        said_by("dvc", "exp", "remove", *stale)
+    if stale := sorted(set(experiments.values()) & set(finished_experiments())):
+        output_of("dvc", "exp", "remove", *stale)
     for point, name in experiments.items():
         overrides = [f"--set-param={o}" for o in (*ablation.always, *ablation.points[point])]
-        said_by("dvc", "exp", "run", "--queue", "--name", name, *overrides, *ablation.targets)
+        output_of("dvc", "exp", "run", "--queue", "--name", name, *overrides, *ablation.targets)
     start, quiet = ["dvc", "queue", "start", "--jobs", str(jobs)], subprocess.DEVNULL
     done: dict[str, str] = {}
     with tqdm(total=len(experiments), unit="point") as bar:
@@ -125,27 +123,27 @@ def reproduced(ablation: Ablation, experiments: Mapping[str, str], jobs: int) ->
             if look % _LOOKS == 0:  # workers would keep pipes open
                 subprocess.run(start, check=True, stdout=quiet, stderr=quiet, env=beside_python())
             time.sleep(PATIENCE_S)
-            done = finished()
+            done = finished_experiments()
             if "failed" in done:
                 raise SystemExit("A point failed: `dvc queue status` says which, `dvc queue logs <name>` why")
             bar.update(len(set(experiments.values()) & set(done)) - bar.n)
     return {point: done[name] for point, name in experiments.items()}
 
 
-def measures(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict]:
+def metrics_of_points(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict]:
     """The metric files that the ablation reads: point -> file -> contents."""
     files = {column.metrics for column in _columns(ablation)}
     return {
-        point: {file: json.loads(said_by("git", "show", f"{reference}:{file}")) for file in sorted(files)}
+        point: {file: json.loads(output_of("git", "show", f"{reference}:{file}")) for file in sorted(files)}
         for point, reference in references.items()
     }
 
 
-def learning(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict[str, pd.DataFrame]]:
+def training_curves(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dict[str, pd.DataFrame]]:
     """The training curves asked for: point -> method -> curve."""
 
     def curve(reference: str, path: str) -> pd.DataFrame:
-        return pd.read_csv(StringIO(said_by("git", "show", f"{reference}:{path}")), sep="\t")
+        return pd.read_csv(StringIO(output_of("git", "show", f"{reference}:{path}")), sep="\t")
 
     return {
         point: {method: curve(reference, path) for method, path in ablation.curves.items()}
@@ -154,39 +152,24 @@ def learning(ablation: Ablation, references: Mapping[str, str]) -> dict[str, dic
 
 
 def check_points(ablation: Ablation, conf: Path) -> None:
-    """Check that each point can be composed and measures what is shown, before any of them runs.
+    """Compose each point and look up what is shown, before any of them runs.
 
     Raises:
-        ConfigError, ValueRuleError: an override names no key or breaks a rule; a method, file, test set or
-            figure that is shown is unknown, or the name of a point is no number and has to be one.
+        ConfigError, ValueRuleError: an override names no key or breaks a rule, a method or figure is unknown,
+            or the name of a point on an axis is no number.
     """
-    if not (ablation.points and ablation.methods):
-        raise ConfigError("points" if ablation.methods else "methods", None, "name one at least")
-    for name in ablation.points:
-        if ablation.axis and not _is_positive(name):
-            rule = "with an axis, which has a logarithmic scale, each name must be a positive number"
-            raise ConfigError("points", name, rule)
-    stages = read_yaml(conf.parent / "dvc.yaml", partial(ConfigError, "dvc.yaml", None))["stages"]
-    written = [out for target in ablation.targets for out in _outputs(stages, *target.split("@"))]
-    curves = [out for stage in stages for out in _outputs(stages, stage)]
     for column in _columns(ablation):
-        _check_file("metrics", column.metrics, written)
-        if column.figure not in _FIGURES:
-            raise ConfigError("columns", column.figure, f"choose one of {', '.join(_FIGURES)}")
-    for path in ablation.curves.values():
-        _check_file("curves", path, curves)
-    for overrides in ablation.points.values():
+        one_of("columns", column.figure, dict.fromkeys(_FIGURES))
+    shown = {*ablation.methods, *ablation.references, *ablation.curves}
+    shown |= {column.over for column in ablation.columns.values() if column.over}
+    for name, overrides in ablation.points.items():
+        if ablation.axis and not _NUMBER.fullmatch(name):
+            raise ConfigError("points", name, "it must be a positive number, since there is an axis")
         point = parse_yaml(composed(conf, [*ablation.always, *overrides]))
         check_parts(point)
-        _check_shown(ablation, point)
-
-
-def _is_positive(name: str) -> bool:
-    """Whether the name of a point has a place on a logarithmic scale."""
-    try:
-        return 0.0 < float(name) < math.inf
-    except ValueError:
-        return False
+        known = {key: row for rows in point["methods"].values() for key, row in rows.items()}
+        for method in sorted(shown):
+            one_of("methods", method, known)
 
 
 def _columns(ablation: Ablation) -> list[Column]:
@@ -194,65 +177,16 @@ def _columns(ablation: Ablation) -> list[Column]:
     return [Column(ablation.metrics, ablation.entry), *ablation.columns.values()]
 
 
-def _outputs(stages: Mapping[str, Any], stage: str, key: str = "") -> list[str]:
-    """Regular expressions of the files that a stage of dvc.yaml writes, or its row `key` does.
-
-    Raises:
-        ConfigError: there is no such stage.
-    """
-    entry = one_of("targets", stage, stages)
-    body = entry.get("do", entry)
-    files = [next(iter(each)) if isinstance(each, dict) else each for each in body.get("outs", [])]
-    named = [file.replace("${key}", key) if key else file for file in files]
-    return [re.sub(r"\\\$\\\{.*?\\\}", ".+", re.escape(file)) for file in named]
-
-
-def _check_file(field: str, path: str, written: Sequence[str]) -> None:
-    """Check that stages write a file; one that they do not would be missed when all points are done."""
-    if not any(re.fullmatch(pattern, path) for pattern in written):
-        rule = "no target writes this file" if field == "metrics" else "no stage writes this file"
-        raise ConfigError(field, path, rule)
-
-
-def _check_shown(ablation: Ablation, point: Mapping[str, Any]) -> None:
-    """Check that a point has the methods that are shown, and applies them to the test sets that are."""
-    where = {key: row["where"] for rows in point["methods"].values() for key, row in rows.items()}
-    every = {name: getattr(ablation, name) for name in ("methods", "references")}
-    others = [column.over for column in ablation.columns.values() if column.over]
-    for field, methods in (every | {"columns": others, "curves": [*ablation.curves]}).items():
-        for method in methods:
-            if method not in where:
-                raise ConfigError(field, method, f"choose some of {', '.join(where)}")
-    for number, column in enumerate(_columns(ablation)):
-        study = _STUDY.fullmatch(column.metrics)
-        if study is None or study[1] not in point["folds"]:
-            continue  # of no study of conf/folds
-        tests = [at for fold in point["folds"][study[1]].values() for at in fold["test"]]
-        named = [at for at in tests if f"{column.entry}_".startswith(f"{at.partition('/')[2]}_")]
-        if not named:
-            field = "columns" if number else "entry"
-            rule = f"study {study[1]} tests {', '.join(at.partition('/')[2] for at in tests)}"
-            raise ConfigError(field, column.entry, rule)
-        kind = named[0].partition("/")[0]
-        shown = [ablation.methods[-1], column.over] if number else [*every["methods"], *every["references"]]
-        for method in filter(None, shown):
-            if kind not in where[method]:
-                raise ConfigError(f"methods.{method}.where", where[method], f"{column.entry} is {kind}")
-
-
 def check_measured(ablation: Ablation, measured: Mapping[str, Mapping[str, Any]]) -> None:
     """Check that each point has the main figure of all methods, which a place without recording lacks.
 
     Raises:
-        ConfigError: one has not; it is named.
+        ConfigError: one has not.
     """
-    for point, files in measured.items():
-        entries = files[ablation.metrics]
-        figures = one_of("entry", ablation.entry, entries)
+    for files in measured.values():
+        figures = one_of("entry", ablation.entry, files[ablation.metrics])
         for method in (*ablation.references, *ablation.methods):
-            if method not in figures:
-                rule = f"{ablation.metrics} of point {point} has {', '.join(figures)} at {ablation.entry}"
-                raise ConfigError("methods", method, rule)
+            one_of("methods", method, figures)
 
 
 @config_errors()
@@ -274,15 +208,17 @@ def main() -> None:
     open_project().close()
     check_points(ablation, Path("conf"))
     experiments = {point: f"{options.name}-{point.replace(' ', '-')}" for point in ablation.points}
-    references = reproduced(ablation, experiments, options.jobs)
-    measured = measures(ablation, references)
+    references = run_points(ablation, experiments, options.jobs)
+    measured = metrics_of_points(ablation, references)
     check_measured(ablation, measured)
     rows = point_rows(ablation, measured)
     params = plain(read_params(Path()))
     methods = Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
     tables = [ablation_table(ablation, rows, methods)]
     if ablation.curves:
-        tables.append(steps_table(ablation, steps_until(ablation, learning(ablation, references)), methods))
+        tables.append(
+            steps_table(ablation, steps_until(ablation, training_curves(ablation, references)), methods)
+        )
     write_json(out / f"{options.name}.json", rows)
     write_text(out / f"{options.name}.md", "\n\n".join(tables) + "\n")
     write_png(ablation_figure(ablation, rows, methods), out / f"{options.name}.png")

@@ -1,16 +1,17 @@
-"""Command lines of tools and benchmarks: numbers, files that they write, and commands without arguments.
-
-All is checked before any work is done.
-"""
+"""Types of options of tools and benchmarks, which argparse checks before any work is done."""
 
 from __future__ import annotations
 
 import argparse
-import math
+from collections.abc import Callable
+from math import inf
 from pathlib import Path
+from typing import TypeVar
 
 from pedpred.errors import InputError, OutputError
 from pedpred.files import check_output
+
+T = TypeVar("T", int, float)
 
 
 def in_project(folder: Path) -> None:
@@ -24,55 +25,28 @@ def in_project(folder: Path) -> None:
 
 
 def no_arguments(module: str, about: str | None) -> None:
-    """Print help if it is asked for, and refuse anything else, before any work is done.
-
-    Args:
-        module: as in `python -m tools.prose`.
-        about: what it does.
-    """
+    """Parse the command line of a module that takes no arguments; `about` is its help."""
     form = argparse.RawDescriptionHelpFormatter
     argparse.ArgumentParser(prog=f"python -m {module}", description=about, formatter_class=form).parse_args()
 
 
 def count(text: str) -> int:
-    """Return a number of things, at least one.
-
-    Raises:
-        ArgumentTypeError: it is none.
-    """
-    if not (text.isdecimal() and int(text)):
-        raise argparse.ArgumentTypeError(f"{text!r}: it must be a whole number of at least 1")
-    return int(text)
+    """Parse a whole number of at least 1."""
+    return _number(int, text, lambda n: n >= 1, "a whole number of at least 1")
 
 
 def positive(text: str) -> float:
-    """Return an amount of something, such as seconds.
-
-    Raises:
-        ArgumentTypeError: it is none.
-    """
-    if not 0 < (value := _number(text)) < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r}: it must be a number above 0")
-    return value
+    """Parse a finite number above 0."""
+    return _number(float, text, lambda x: 0 < x < inf, "a number above 0")
 
 
 def probability(text: str) -> float:
-    """Return a probability below 1.
-
-    Raises:
-        ArgumentTypeError: it is none.
-    """
-    if not 0 <= (value := _number(text)) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: it must be a number from 0 to below 1")
-    return value
+    """Parse a probability below 1."""
+    return _number(float, text, lambda x: 0 <= x < 1, "a number from 0 to below 1")
 
 
 def output(text: str) -> Path:
-    """Return the path of a file that can be written.
-
-    Raises:
-        ArgumentTypeError: it cannot.
-    """
+    """Parse the path of a file that can be written."""
     try:
         check_output(Path(text))
     except OutputError as error:
@@ -80,8 +54,11 @@ def output(text: str) -> Path:
     return Path(text)
 
 
-def _number(text: str) -> float:
+def _number(kind: Callable[[str], T], text: str, holds: Callable[[T], bool], rule: str) -> T:
     try:
-        return float(text)
+        value = kind(text)
     except ValueError:
-        return math.nan
+        value = None
+    if value is None or not holds(value):
+        raise argparse.ArgumentTypeError(f"{text!r}: it must be {rule}")
+    return value

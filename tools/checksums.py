@@ -1,9 +1,7 @@
-"""Checksums of what the pipeline makes, part by part.
+"""Checksums of what the pipeline makes: `python -m tools.checksums FOLDER > before.txt`.
 
-`python -m tools.checksums FOLDER` prints one line per table, tensor or graph below a project folder that has
-been reproduced; `--against FILE` compares them with the lines in a file, and fails when some differ or are
-lost. Shows that a change of the code left scenes, rows, embeddings, weights, exported networks, forecasts and
-metrics as they were.
+Prints a line for each column, tensor, figure or other file below a project folder that has been reproduced.
+`diff before.txt after.txt` then shows what a change of the code has changed.
 """
 
 from __future__ import annotations
@@ -14,7 +12,6 @@ import json
 import re
 import sys
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,107 +19,55 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from safetensors.numpy import load_file
 
-from pedpred.errors import InputError, user_errors
-from pedpred.files import translate_errors
+from pedpred.errors import user_errors
 
 FIGURES = "reports/metrics"
-"""Folder of the metric files."""
-IGNORED = r"config\.checked|data/raw|manifest\.json|about\.json|model\.json"
-"""What describes results."""
-_DIGITS = 16
-_LINE = re.compile(rf"[0-9a-f]{{{_DIGITS}}} .+")
+_ABOUT_RESULTS = re.compile(r"config\.checked|data/raw|manifest\.json|about\.json|model\.json")
 
 
-def checksums(root: Path) -> dict[str, str]:
-    """Name -> checksum of everything that was made below a project folder.
-
-    Raises:
-        InputError: nothing was.
-    """
-    digests = {}
+def checksums(root: Path) -> Iterator[tuple[str, str]]:
+    """Yield name and checksum of everything that was made below a project folder."""
     for folder in ("data", "models", FIGURES):
-        for path in sorted((root / folder).rglob("*")):
-            if path.is_file():
-                for part, digest in parts_of(path, figures=folder == FIGURES):
-                    name = f"{path.relative_to(root)} {part}".strip()
-                    if not re.search(IGNORED, name):
-                        digests[name] = digest
-    if not digests:
-        remedy = "Name the folder of a project that has been reproduced"
-        raise InputError(root, "", "there are no results below data, models and reports/metrics", remedy)
-    return digests
+        for path in sorted(path for path in (root / folder).rglob("*") if path.is_file()):
+            for part, content in _parts(path, figures=folder == FIGURES):
+                name = f"{path.relative_to(root)} {part}".strip()
+                if not _ABOUT_RESULTS.search(name):
+                    yield name, hashlib.sha256(content).hexdigest()[:16]
 
 
-def listed(path: Path) -> dict[str, str]:
-    """Name -> checksum in the lines that an earlier call printed.
-
-    Raises:
-        InputError: they are not there, or it printed none.
-    """
-    wording = partial(InputError, path, remedy="Name a file with all that an earlier call printed")
-    with translate_errors(partial(wording, "")):
-        lines = path.read_text().splitlines()
-    for number, text in enumerate(lines, 1):
-        if not _LINE.fullmatch(text):
-            raise wording(f", line {number}", "it is no checksum and name")
-    if not lines:
-        raise wording("", "it has no lines")
-    return {name: digest for digest, _, name in (line.partition(" ") for line in lines)}
-
-
-def parts_of(path: Path, figures: bool) -> Iterator[tuple[str, str]]:
-    """Parts of a file with their checksums: columns, tensors, figures of a metric file, or the whole."""
+def _parts(path: Path, figures: bool) -> Iterator[tuple[str, bytes]]:
+    """Yield name and content of columns, tensors, figures of a metric file, or the whole file."""
     if path.suffix == ".parquet":
         table = pq.read_table(path)
-        for name in table.column_names:
-            yield name, _digest(_bytes_of(table[name].combine_chunks()))
+        yield from ((name, _column_bytes(table[name].combine_chunks())) for name in table.column_names)
     elif path.suffix == ".safetensors":
-        for name, tensor in load_file(path).items():
-            yield name, _digest(tensor.tobytes())
+        yield from ((name, tensor.tobytes()) for name, tensor in load_file(path).items())
     elif path.suffix == ".json" and figures:
         for place, methods in json.loads(path.read_text()).items():
             by_method = methods if isinstance(methods, dict) else {"": methods}
             for method, measured in by_method.items():
-                yield f"{place} {method}", _digest(json.dumps(measured, sort_keys=True).encode())
+                yield f"{place} {method}", json.dumps(measured, sort_keys=True).encode()
     else:
-        yield "", _digest(path.read_bytes())
+        yield "", path.read_bytes()
 
 
-def _bytes_of(column: pa.Array) -> bytes:
-    if pa.types.is_fixed_size_binary(column.type):
-        return b"".join(column.to_pylist())
+def _column_bytes(column: pa.Array) -> bytes:
     flat = column.flatten() if pa.types.is_fixed_size_list(column.type) else column
+    if pa.types.is_fixed_size_binary(flat.type):
+        return b"".join(flat.to_pylist())
     values: np.ndarray = flat.to_numpy(zero_copy_only=False)
-    if values.dtype == object:  # texts, lists or yes and no with gaps: its bytes would be addresses
+    if values.dtype == object:  # its bytes would be addresses
         return json.dumps(column.to_pylist(), default=repr).encode()
     return values.tobytes()
 
 
-def _digest(raw: bytes) -> str:
-    return hashlib.sha256(raw).hexdigest()[:_DIGITS]
-
-
 @user_errors()
-def main() -> None:
-    """Print or compare."""
-    parser = argparse.ArgumentParser(
-        prog="python -m tools.checksums", description=(__doc__ or "").partition("\n")[0]
-    )
+def main(arguments: list[str] | None = None) -> None:
+    """Print the checksums."""
+    parser = argparse.ArgumentParser(prog="python -m tools.checksums", description=__doc__)
     parser.add_argument("folder", type=Path, help="project folder that has been reproduced")
-    parser.add_argument("--against", type=Path, help="file with lines of an earlier call")
-    options = parser.parse_args()
-    now = checksums(options.folder)
-    if options.against is None:
-        sys.stdout.writelines(f"{digest} {name}\n" for name, digest in now.items())
-        return
-    before = listed(options.against)
-    common = before.keys() & now.keys()
-    differ = sorted(name for name in common if before[name] != now[name])
-    sys.stdout.writelines(f"differs: {name}\n" for name in differ)
-    sys.stdout.writelines(f"only before: {name}\n" for name in sorted(before.keys() - now.keys()))
-    sys.stdout.writelines(f"only now: {name}\n" for name in sorted(now.keys() - before.keys()))
-    sys.stdout.write(f"{len(common) - len(differ)} the same, {len(differ)} differ\n")
-    raise SystemExit(bool(differ or before.keys() - now.keys()))
+    options = parser.parse_args(arguments)
+    sys.stdout.writelines(f"{digest} {name}\n" for name, digest in checksums(options.folder))
 
 
 if __name__ == "__main__":

@@ -21,11 +21,11 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path("reports/metrics"))
     options = parser.parse_args()
     moved = changes(metrics_at(options.revision, options.folder), metrics_now(options.folder))
-    if not moved:
+    if moved.empty:
         problem = f"no figures with intervals are there, neither now nor at {options.revision}"
         raise InputError(options.folder, "", problem, "Name the folder of the metric files: --folder")
     sys.stdout.write(f"{changes_table(moved)}\n")
-    sys.exit(int(any(change.verdict == "worse" for change in moved)))
+    sys.exit(int("worse" in set(moved["verdict"])))
 
 
 if __name__ == "__main__":

@@ -55,8 +55,8 @@ def run_forked(jobs: Sequence[Job], most: int, folder: Path) -> Iterator[tuple[A
                 if ended:
                     del running[pid]
                     _kill_group(pid)
-                    said = own / "said"
-                    text = said.read_text() if said.exists() else ""
+                    result = own / "result"
+                    text = result.read_text() if result.exists() else ""
                     shutil.rmtree(own, ignore_errors=True)
                     yield about, os.waitstatus_to_exitcode(status), text
             time.sleep(0.003)
@@ -85,6 +85,6 @@ def _child(job: Job, folder: Path) -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (int(job.seconds) + 1,) * 2)
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES,) * 2)
         status, text = job.run()
-        (folder / "said").write_text(text)
+        (folder / "result").write_text(text)
     finally:
         os._exit(status)

@@ -1,12 +1,11 @@
 """Judge a model folder: `python -m tools.judge [FOLDER] [--against OTHER | --replace OTHER] [--out FILE]`.
 
-Prints a table of promises with the figures behind them; exit code 1 when one is broken. Measured here: every
-real place in data/scenes/real, as its sensor detects it and the folder's tracker follows it; the simulated
-test rooms through a robot's sensor; the laws; the time of an update. A place that trained the network says
-so; the promises about unseen places are judged by the metric files of the folds. `--against` another
-folder, or a revision of this one, fails when this one is worse beyond the interval of the paired difference.
-`--replace` copies it over another folder, unless it is worse or breaks a promise that the other one keeps;
-`--accept` names what may get worse, for a change that is better elsewhere.
+Prints a table of promises with the figures behind them; exit code 1 when one is broken. Measured are all
+real places in data/scenes/real, as their sensors detect people and the folder's tracker follows them, the
+simulated test rooms through a robot's sensor, the laws, and the time of an update. Promises about unseen
+places are judged by the metric files of the folds. `--against` another folder, or a revision of this one,
+fails when this one is worse beyond the interval of the paired difference. `--replace` copies it over another
+folder, unless it is worse or breaks a promise that the other one keeps; `--accept` names what may get worse.
 """
 
 from __future__ import annotations
@@ -33,33 +32,31 @@ from pedpred.files import atomic_write, check_output, write_json
 from pedpred.online.network import ABOUT, GRAPH, read_description
 from tools.arguments import output
 from tools.judgement import Judgement
-from tools.verdicts import Verdict, got_worse
+from tools.verdicts import Verdict, newly_broken
 
 _TITLES = ("", "about", "what", "found", "limit", "remark")
 _WIDTHS = (4, 24, 44, 30, 24, 0)
 
 
 def folder_at(revision: str, folder: Path, scratch: Path) -> Path | None:
-    """A model folder: the one that is named, or the judged one in a revision; None if it has none.
+    """Find a model folder to compare with: the named one, or the judged one at a git revision.
 
-    `HEAD` may be unknown: where nothing is committed, there is nothing to compare with.
+    Returns:
+        None where `HEAD`, with which models are compared by default, has no such folder.
 
     Raises:
-        ValueRuleError: git knows no other such revision.
+        ValueRuleError: there is no such folder, and the revision has none.
     """
     if revision and Path(revision).exists():
         return Path(revision)
-    at = ("-C", str(folder))
-    known = git(*at, "rev-parse", "--verify", "--end-of-options", f"{revision}^{{commit}}")
-    if known.returncode and revision != "HEAD":
-        rule = "there is no such folder, and git knows no such revision"
-        why = known.stderr.decode(errors="replace").strip()
-        raise ValueRuleError("against", revision, f"{rule} ({why})")
     for name in (GRAPH, ABOUT):
-        done = git(*at, "show", "--end-of-options", f"{revision}:./{name}")
+        done = git("-C", str(folder), "show", "--end-of-options", f"{revision}^{{commit}}:./{name}")
         if done.returncode:
             why = done.stderr.decode(errors="replace").strip()
-            sys.stdout.write(f"{revision} has no {folder / name}, so nothing is compared ({why})\n")
+            if revision != "HEAD":
+                rule = f"there is no such folder, and git has no {folder / name} at this revision ({why})"
+                raise ValueRuleError("against", revision, rule)
+            sys.stdout.write(f"HEAD has no {folder / name}, so nothing is compared ({why})\n")
             return None
         with atomic_write(scratch / folder.name / name) as new:
             new.write_bytes(done.stdout)
@@ -67,7 +64,7 @@ def folder_at(revision: str, folder: Path, scratch: Path) -> Path | None:
 
 
 def check_whole(folder: Path) -> None:
-    """Refuse what is no model before minutes of measuring.
+    """Check that the files of a folder are of one model, before minutes of measuring.
 
     Raises:
         InputError: a file is missing or altered, or they are of two models, as after a kill in `install`.
@@ -93,7 +90,7 @@ def install(model: Path, folder: Path) -> None:
 
 
 def line(verdict: Verdict) -> str:
-    """A verdict as a row of the table."""
+    """Format a verdict as a row of the table."""
     kept = "pass" if verdict.holds else "FAIL"
     return _row(kept, verdict.about, verdict.what, verdict.found, verdict.limit, verdict.remark)
 
@@ -102,21 +99,16 @@ def _row(*cells: str) -> str:
     return "  ".join(c.ljust(w) for c, w in zip(cells, _WIDTHS, strict=True)).rstrip() + "\n"
 
 
-def summary(verdicts: list[Verdict]) -> str:
-    """How many promises hold, and the broken ones."""
-    broken = [line(verdict) for verdict in verdicts if not verdict.holds]
-    return f"\n{len(verdicts) - len(broken)} of {len(verdicts)} promises hold\n{''.join(broken)}"
-
-
-def printed(verdicts: Iterable[Verdict]) -> list[Verdict]:
-    """Print each verdict as it is measured, then a summary."""
+def print_verdicts(verdicts: Iterable[Verdict]) -> list[Verdict]:
+    """Print each verdict as it is measured, then the broken ones again."""
     sys.stdout.write(_row(*_TITLES))
     judged = []
     for verdict in verdicts:
         judged.append(verdict)
         sys.stdout.write(line(verdict))
         sys.stdout.flush()
-    sys.stdout.write(summary(judged))
+    broken = [line(verdict) for verdict in judged if not verdict.holds]
+    sys.stdout.write(f"\n{len(judged) - len(broken)} of {len(judged)} promises hold\n{''.join(broken)}")
     return judged
 
 
@@ -134,15 +126,12 @@ def replace(
     """
     if folder.exists() and not all(verdict.holds for verdict in verdicts):
         sys.stdout.write(f"\nThe same for {folder}:\n")
-        present = printed(Judgement(folder, params).verdicts(None))
-        worse = got_worse(verdicts, present)
-        for verdict in (verdict for verdict in worse if verdict.about in accepted):
-            sys.stdout.write(f"\naccepted: {line(verdict)}")
-        worse = [verdict for verdict in worse if verdict.about not in accepted]
-        if worse:
-            sys.stdout.write(
-                f"\n{folder} stays as it is; in these {model} is worse:\n{''.join(map(line, worse))}"
-            )
+        worse = newly_broken(verdicts, print_verdicts(Judgement(folder, params).verdicts(None)))
+        for verdict in worse:
+            if verdict.about in accepted:
+                sys.stdout.write(f"\naccepted: {line(verdict)}")
+        if refused := [line(verdict) for verdict in worse if verdict.about not in accepted]:
+            sys.stdout.write(f"\n{folder} stays as it is; in these {model} is worse:\n{''.join(refused)}")
             return 1
     install(model, folder)
     sys.stdout.write(f"\n{folder} is now {model}\n")
@@ -157,8 +146,8 @@ def main(arguments: list[str] | None = None) -> None:
     other = parser.add_mutually_exclusive_group()
     other.add_argument("--against", help="a model folder, or a git revision that has FOLDER")
     other.add_argument("--replace", type=Path, help="a model folder that becomes FOLDER if that is no worse")
-    said = "what may get worse when a model is replaced, as the column `about` has it; may be repeated"
-    parser.add_argument("--accept", action="append", default=[], metavar="ABOUT", help=said)
+    about = "what may get worse when a model is replaced, as the column `about` has it; may be repeated"
+    parser.add_argument("--accept", action="append", default=[], metavar="ABOUT", help=about)
     parser.add_argument("--out", type=output, help="write the verdicts there, JSON")
     options = parser.parse_args(arguments)
     if options.accept and not options.replace:
@@ -174,7 +163,7 @@ def main(arguments: list[str] | None = None) -> None:
             against = folder_at(options.against, options.folder, Path(scratch))
         if against is not None:
             check_whole(against)
-        verdicts = printed(judgement.verdicts(against))
+        verdicts = print_verdicts(judgement.verdicts(against))
     if options.out is not None:
         record: dict[str, Any] = {
             "folder": options.folder.as_posix(),

@@ -14,21 +14,21 @@ from pedpred.command.prediction import predictor_for
 from pedpred.config import LOCK, plain, row
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
 from pedpred.features.perception import sensed
-from pedpred.fields import parsed, parsed_each
 from pedpred.online.assessment import NETWORK, assess
 from pedpred.online.network import read_origin
 from pedpred.report.comparison import metrics_at, metrics_now
-from pedpred.report.rows import PromiseRow
 from pedpred.scenes import Scene
+from pedpred.settings import load, load_each
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
+from stages.row_types import PromiseRow
 from tools.programs import git
 from tools.verdicts import (
     ROOMS,
     SENSED,
     TRUE_STATES,
     Verdict,
-    below,
+    at_most,
     latency_verdicts,
     law_verdicts,
     no_worse,
@@ -53,7 +53,7 @@ def scores_in(
 
 
 def _git(*arguments: str) -> str:
-    """What git says; nothing if it fails."""
+    """Output of a git command, empty if it fails."""
     return git(*arguments).stdout.decode().strip()
 
 
@@ -98,15 +98,15 @@ class Judgement:
         self.folder, self.params = folder, params
         self.origin = read_origin(folder)
         resampling = {key: params.comparison[key] for key in ("bootstrap", "seed")}
-        self.settings = parsed(EvaluationSettings, plain(params.evaluation) | resampling)
-        self.promises = parsed_each(PromiseRow, plain(params.online.promises))
+        self.settings = load(EvaluationSettings, plain(params.evaluation) | resampling)
+        self.promises = load_each(PromiseRow, plain(params.online.promises))
 
     def places(self) -> dict[str, Path]:
         """Name -> scene of each real place that is available."""
         folders = {name: REAL / name for name in self.params.places if (REAL / name).exists()}
         return {name: path for name, path in folders.items() if read_scene(path).unavailable is None}
 
-    def trained_on(self) -> set[str]:
+    def training_places(self) -> set[str]:
         """Real places that trained the network."""
         weights = Path(self.origin["networks"])
         if weights.name == "robot":
@@ -131,21 +131,21 @@ class Judgement:
         """All promises, as they are measured."""
         yield from law_verdicts(self.folder)
         yield from latency_verdicts(self.folder)
-        yield from self.reported()
+        yield from self.reported_verdicts()
         for place in self.places():
             scores = self.scores_at(self.folder, place)
-            unseen = place not in self.trained_on()
+            unseen = place not in self.training_places()
             remark = "unseen" if unseen else "trained here"
             figures = summarise_methods(scores, STRONGEST, self.settings)
             yield from place_verdicts(place, figures, NETWORK, self.promises.get(place), remark)
             if unseen:  # regions are wide enough for places that did not train the network
                 yield from region_verdicts(place, figures[NETWORK], remark)
             if against is not None:
-                yield self.compared(place, scores[NETWORK], self.scores_at(against, place)[NETWORK])
+                yield self.comparison(place, scores[NETWORK], self.scores_at(against, place)[NETWORK])
         if SIMULATED.exists():
-            yield from self.sensed_rooms(against)
+            yield from self.sensed_room_verdicts(against)
 
-    def sensed_rooms(self, against: Path | None) -> Iterator[Verdict]:
+    def sensed_room_verdicts(self, against: Path | None) -> Iterator[Verdict]:
         """Test rooms through sensor and tracker."""
         scores = self.rooms(self.folder)
         figures = summarise_methods(scores, STRONGEST, self.settings)
@@ -155,13 +155,13 @@ class Judgement:
         if YARDSTICK.exists():
             rival = self.rooms(YARDSTICK)[NETWORK].values["ade_m"].mean()
             share = figures[NETWORK]["ade_m"] / rival
-            yield below(
+            yield at_most(
                 name, f"ADE / that of {YARDSTICK}", share, SENSED, f"{figures[NETWORK]['ade_m']:.3f} m"
             )
         if against is not None:
-            yield self.compared(name, scores[NETWORK], self.rooms(against)[NETWORK])
+            yield self.comparison(name, scores[NETWORK], self.rooms(against)[NETWORK])
 
-    def reported(self) -> Iterator[Verdict]:
+    def reported_verdicts(self) -> Iterator[Verdict]:
         """Unseen places and test rooms with true states, from the metric files of the run that made it."""
         metrics, method = metrics_of(self.folder), self.origin.get("method", "")
         for study in ("transfer", "real"):
@@ -175,7 +175,7 @@ class Judgement:
         rooms = metrics.get("sim", {}).get("sim_test", {}).get(method, {})
         yield from room_verdicts("rooms, true states", rooms, TRUE_STATES)
 
-    def compared(self, about: str, scores: Scores, other: Scores) -> Verdict:
+    def comparison(self, about: str, scores: Scores, other: Scores) -> Verdict:
         """Whether the error is no larger than another model's; see `tools.verdicts.no_worse`."""
         both = summarise_methods({"own": scores, "other": other}, "other", self.settings)
         interval = both["own"]["ade_m_minus_reference_ci95"]

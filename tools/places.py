@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from pedpred.command.recordings import OpenOptions, open_scene
 from pedpred.config import config_errors, read_params
-from pedpred.errors import ConfigError, InputError, ValueRuleError
+from pedpred.errors import ConfigError, InputError
 from pedpred.reading.options import ReadOptions
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import read_scene, scene_folders
@@ -23,7 +22,7 @@ def recording(place: str) -> Scene:
     """Read data/scenes/real/<place>.
 
     Raises:
-        ConfigError: no real people were recorded there, or the recording is missing; it says how to get it.
+        ConfigError: the place has no recording; the error says how to get one.
     """
     scene = read_scene(REAL / place)
     if instead := scene.unavailable or scene.stand_in:
@@ -38,28 +37,19 @@ def add_recordings(parser: argparse.ArgumentParser) -> None:
 
 
 def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[Scene]:
-    """Read files; without any, all places that were recorded, or stand in for those.
-
-    Each has a name of its own: one whose name an earlier one has is numbered, `walk (file 2)`.
+    """Read files; without any, all places that have a recording.
 
     Args:
-        files: or scene folders, all that `pedpred evaluate` reads.
+        files: recordings or scene folders, as `pedpred evaluate` reads them.
         rate_hz: frames per second, where files count frames, Hz.
 
     Raises:
-        InputError: a file is missing or damaged, or no place was recorded.
-        ValueRuleError: the rate would be that of nothing.
+        InputError: a file is missing or damaged, or no place has a recording.
     """
-    if rate_hz is not None and all(path.is_dir() for path in files):
-        raise ValueRuleError("--rate", rate_hz, "it is that of files that count frames: name some")
-    names: set[str] = set()
-    for number, path in enumerate(files, start=1):
+    for path in files:
         scene = open_scene(path, OpenOptions(ReadOptions(rate_hz=rate_hz)) if path.is_file() else None)
         if scene.unavailable is not None:
             raise InputError(path, "", "its recording is not available", scene.unavailable)
-        if scene.name in names:
-            scene = replace(scene, name=f"{scene.name} (file {number})")
-        names.add(scene.name)
         yield scene
     if files:
         return
@@ -75,8 +65,8 @@ def recordings(files: Sequence[Path], rate_hz: float | None = None) -> Iterator[
 def main(arguments: list[str] | None = None) -> None:
     """Read params.yaml, write to standard output the names of places that some place's settings refer to."""
     parser = argparse.ArgumentParser(prog="python -m tools.places", description=__doc__)
-    told = "of the rows: tuned_on (trackers) or fitted_on (social_forces)"
-    parser.add_argument("prefix", choices=("tuned_on", "fitted_on"), help=told)
+    about = "of the rows: tuned_on (trackers) or fitted_on (social_forces)"
+    parser.add_argument("prefix", choices=("tuned_on", "fitted_on"), help=about)
     options = parser.parse_args(arguments)
     places = read_params(Path()).places
     used = {place[kind] for place in places.values() for kind in ("tracker", "social_force")}

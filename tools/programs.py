@@ -11,7 +11,7 @@ from pathlib import Path
 def beside_python() -> dict[str, str]:
     """Return the environment in which programs, and what they start, come from the folder of this Python.
 
-    `dvc` and the `python` of its stages are then those of .venv, also where nobody has activated it.
+    `dvc` and the `python` of its stages are then those of .venv, also where it is not activated.
     """
     return os.environ | {
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
@@ -19,7 +19,7 @@ def beside_python() -> dict[str, str]:
 
 
 def git(*arguments: str) -> subprocess.CompletedProcess[bytes]:
-    """Run a git command; return what it says, and how it ended."""
+    """Run a git command; return its output and exit status."""
     command = ["git", *arguments]
     return subprocess.run(command, capture_output=True, check=False)  # noqa: S603, a list, no shell
 

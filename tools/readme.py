@@ -11,26 +11,24 @@ import argparse
 import logging
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from pedpred.config import config_errors, plain, read_params
-from pedpred.errors import InputError
-from pedpred.files import read_json, write_text
+from pedpred.files import write_text
 from pedpred.report.comparison import metrics_now
-from pedpred.report.document import markdown_table
+from pedpred.report.document import Cell, Row, Table
 from pedpred.report.literature import literature_tables
 from pedpred.report.methods import Method, Methods
-
-Figures = Mapping[str, Mapping[str, Mapping[str, Any]]]
-"""Place -> method -> metrics, as in reports/metrics."""
+from pedpred.report.results import figure_of, read_metrics, results_frame
+from pedpred.report.tables import pivot
 
 _MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 _TRAININGS = {"transfer": "simulation only", "real": "fine-tuned on the other places"}
-_METRICS = Path("reports/metrics")
-_NOT_RANKED = "oracle"
 _MOST_COLUMNS = 6
 
 
@@ -44,113 +42,80 @@ def filled(text: str, tables: Mapping[str, str]) -> str:
     return _MARKED.sub(written, text)
 
 
-def tables_from(studies: Mapping[str, Figures], methods: Methods) -> dict[str, str]:
-    """Return name of a table -> Markdown; `studies`: "transfer" and "real" -> figures."""
+def tables_from(studies: Mapping[str, Any], methods: Methods) -> dict[str, str]:
+    """Return name of a table -> Markdown; `studies`: "transfer" and "real" -> metrics."""
+    frame, places = results_frame(studies), list(studies["real"])
+    main = [m for m in methods.networks if all(m.key in own for own in studies["real"].values())][-1]
+    lines = {  # a network has one for each training
+        (method.key, study): f"{method.label}, {training}" if method.role == "network" else method.label
+        for method in methods
+        for study, training in _TRAININGS.items()
+        if method.role == "network" or (method.role != "ablation" and study == "real")
+    }
+    errors = frame[frame["figure"] == "ade_m"].copy()
+    errors["line"] = [lines.get(pair) for pair in zip(errors["method"], errors["study"], strict=True)]
+    errors = errors.dropna(subset="line")
+    ranked = errors[[methods[key].role != "oracle" for key in errors["method"]]]
+    best = ranked.groupby("place")["value"].min()
+
+    def error_cell(row: Any) -> Cell:
+        return replace(_error(row), strong=row.value == best[row.place])
+
+    def table(keys: tuple[str, str], rows: Sequence[str], columns: Sequence[str]) -> str:
+        cells = pivot(errors, keys, rows, columns, error_cell, empty="")
+        body = [Row([Cell(_words(row)), *own]) for row, own in zip(rows, cells, strict=True)]
+        return Table(["ADE over 3 s, m", *map(_words, columns)], body).markdown("")
+
+    every = [line for line in lines.values() if line in set(errors["line"])]
+    chosen = [(method.key, "real") for method in (*methods.simple, methods.networks[0], main)]
+    few = [lines[pair] for pair in lines if pair in [*chosen, (main.key, "transfer")]]
+    blocks = [places[k : k + _MOST_COLUMNS] for k in range(0, len(places), _MOST_COLUMNS)]
     return {
-        "headline": headline(studies, methods),
-        "unseen": unseen_table(studies, methods),
-        "places": places_table(studies, methods),
-        "main": main_table(studies, methods),
+        "headline": _headline(errors[errors["study"] == "real"], main, methods),
+        "unseen": "\n\n".join(table(("line", "place"), every, block) for block in blocks),
+        "places": table(("place", "line"), places, [line for line in few if line in every]),
+        "main": _main_table(frame[frame["method"] == main.key], places, main),
     }
 
 
-def unseen_table(studies: Mapping[str, Figures], methods: Methods) -> str:
-    """Make the tables of errors at unseen places: a row per method and training, a column per place."""
-    rows = list(_rows(studies, methods))
-    best, every, tables = _lowest(studies, rows), list(studies["real"]), []
-    for first in range(0, len(every), _MOST_COLUMNS):
-        places = every[first : first + _MOST_COLUMNS]
-        body = [[label, *(_cell(metrics, place, best) for place in places)] for label, _, metrics in rows]
-        tables.append(markdown_table(["ADE over 3 s, m", *map(_words, places)], body))
-    return "\n\n".join(tables)
-
-
-def places_table(studies: Mapping[str, Figures], methods: Methods) -> str:
-    """Make the short table of errors at unseen places: simple methods, the first and the main network."""
-    rows = list(_rows(studies, methods))
-    best, main = _lowest(studies, rows), _main(studies, methods).label
-    shown = [row.label for row in methods.simple]
-    shown += [f"{label}, {_TRAININGS['real']}" for label in (methods.networks[0].label, main)]
-    shown.append(f"{main}, {_TRAININGS['transfer']}")
-    columns = {label: metrics for label, _, metrics in rows if label in shown}
-    body = [
-        [_words(place), *(_cell(metrics, place, best) for metrics in columns.values())]
-        for place in studies["real"]
-    ]
-    return markdown_table(["ADE over 3 s, m", *columns], body)
-
-
-def _cell(metrics: Mapping[str, Any], place: str, best: Mapping[str, float]) -> str:
-    """Return a method's error at a place, strong if it is the lowest; empty where it was not measured."""
-    return _error(metrics[place], metrics[place]["ade_m"] == best[place]) if place in metrics else ""
-
-
-def _lowest(studies: Mapping[str, Figures], rows: Sequence[tuple[str, str, Any]]) -> dict[str, float]:
-    """Return the lowest error at each place of a method that does not know the future."""
-    ranked = [metrics for _, role, metrics in rows if role != _NOT_RANKED]
-    return {p: min(metrics[p]["ade_m"] for metrics in ranked if p in metrics) for p in studies["real"]}
-
-
-def headline(studies: Mapping[str, Figures], methods: Methods) -> str:
+def _headline(errors: pd.DataFrame, main: Method, methods: Methods) -> str:
     """Say how far the main method is from the best simple one at every unseen place."""
-    main = _main(studies, methods)
-    parts = []
-    for place, metrics in studies["real"].items():
-        simple = min((metrics[row.key]["ade_m"] for row in methods.simple if row.key in metrics), default=0.0)
-        if not simple:  # nothing relates to an exact forecast
-            continue
-        parts.append(f"{_words(place)} {100 * (metrics[main.key]['ade_m'] / simple - 1):+.0f} %")
+    simple = errors[errors["method"].isin([method.key for method in methods.simple])]
+    least, own = simple.groupby("place")["value"].min(), errors[errors["method"] == main.key]
+    parts = [
+        f"{_words(row.place)} {100 * (row.value / least[row.place] - 1):+.0f} %"
+        for row in own.itertuples()
+        if least.get(row.place)  # nothing relates to an exact forecast
+    ]
     return f"Error of {main.label} relative to {methods.best_simple}: {', '.join(parts)}."
 
 
-def main_table(studies: Mapping[str, Figures], methods: Methods) -> str:
-    """Make the table of the main method at every unseen place."""
-    main = _main(studies, methods)
-    titles = ["ADE, m", "FDE, m", "ADE of the best of 6 modes, m", "NLL, nats", "90 % region holds at 3 s"]
-    body = []
-    for place in studies["real"]:
-        for study, training in _TRAININGS.items():
-            metrics = studies[study].get(place, {}).get(main.key)
-            if metrics is None:
-                continue
-            held = metrics.get("per_step_coverage_90")
-            cells = [
-                _error(metrics),
-                _error(metrics, key="fde_m"),
-                _plain(metrics, "min_ade_m_k6"),
-                _plain(metrics, "nll"),
-            ]
-            cells.append(f"{100 * held[-1]:.0f} %" if held else "-")
-            body.append([_words(place), training, str(metrics["windows"]), *cells])
-    return markdown_table([f"{main.label}, unseen place", "training", "windows", *titles], body)
+def _main_table(figures: pd.DataFrame, places: Sequence[str], main: Method) -> str:
+    """Make the table of the main method at every unseen place; of figures over the horizon, the last one."""
+    columns = {
+        "windows": ("windows", lambda row: Cell(f"{row.value:.0f}")),
+        "ade_m": ("ADE, m", _error),
+        "fde_m": ("FDE, m", _error),
+        "min_ade_m_k6": ("ADE of the best of 6 modes, m", lambda row: Cell(f"{row.value:.3f}")),
+        "nll": ("NLL, nats", lambda row: Cell(f"{row.value:.3f}")),
+        "per_step_coverage_90": ("90 % region holds at 3 s", lambda row: Cell(f"{100 * row.value:.0f} %")),
+    }
+    last = figures.sort_values("step", ascending=False, kind="stable")
+    last = last.assign(line=list(zip(last["place"], last["study"], strict=True)))
+    lines = [(place, study) for place in places for study in _TRAININGS]
+    lines = [line for line in lines if line in set(last["line"])]
+    cells = pivot(last, ("line", "figure"), lines, columns, lambda row: columns[row.figure][1](row))
+    body = [
+        Row([Cell(_words(place)), Cell(_TRAININGS[study]), *own])
+        for (place, study), own in zip(lines, cells, strict=True)
+    ]
+    titles = [title for title, _ in columns.values()]
+    return Table([f"{main.label}, unseen place", "training", *titles], body).markdown("")
 
 
-def _main(studies: Mapping[str, Figures], methods: Methods) -> Method:
-    """Return the last network that has figures at every place."""
-    has = [row for row in methods.networks if all(row.key in metrics for metrics in studies["real"].values())]
-    return has[-1]
-
-
-def _rows(studies: Mapping[str, Figures], methods: Methods) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
-    """Yield label, role and figures by place; a network has a row per training."""
-    for method in methods:
-        if method.role == "ablation":
-            continue
-        trained = method.role == "network"
-        for study, training in _TRAININGS.items():
-            metrics = {p: known[method.key] for p, known in studies[study].items() if method.key in known}
-            if metrics and (trained or study == "real"):
-                yield f"{method.label}, {training}" if trained else method.label, method.role, metrics
-
-
-def _error(metrics: Mapping[str, Any], best: bool = False, key: str = "ade_m") -> str:
-    low, high = metrics[f"{key}_ci95"]
-    value = f"**{metrics[key]:.3f}**" if best else f"{metrics[key]:.3f}"
-    return f"{value} ({low:.3f}-{high:.3f})"
-
-
-def _plain(metrics: Mapping[str, Any], key: str) -> str:
-    return f"{metrics[key]:.3f}" if metrics.get(key) is not None else "-"
+def _error(row: Any) -> Cell:
+    value, bounds = figure_of(row)
+    return Cell(f"{value:.3f}", bounds=f"{bounds[0]:.3f}-{bounds[1]:.3f}" if bounds else "")
 
 
 def _words(place: str) -> str:
@@ -164,25 +129,21 @@ def pages(root: Path) -> dict[Path, str]:
         InputError: a metric file is missing or damaged.
     """
     params = plain(read_params(root))
-    studies = {}
-    for study in _TRAININGS:
-        path = root / _METRICS / f"{study}.json"
-        studies[study] = read_json(path, partial(InputError, path, "metrics"))
+    studies = {study: read_metrics(root / f"reports/metrics/{study}.json") for study in _TRAININGS}
     if without := lacking(params["folds"], studies):
         logging.warning("the tables stay as they are: there are no figures of %s", ", ".join(without))
         return {}
     methods = Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
-    literature = metrics_now(root / _METRICS).get("literature", {})
-    ours_and_theirs = (
-        literature_tables(literature, params["report"]["published"], methods) if literature else {}
-    )
     tables = tables_from(studies, methods)
-    tables |= {name: table.markdown("") for name, table in ours_and_theirs.items()}
+    if literature := metrics_now(root / "reports/metrics").get("literature"):
+        frame, published = results_frame({"literature": literature}), params["report"]["published"]
+        beside = literature_tables(frame, published, methods)
+        tables |= {name: table.markdown("") for name, table in beside.items()}
     files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
     return {path: filled(text, tables) for path in files if _MARKED.search(text := path.read_text())}
 
 
-def lacking(folds: Mapping[str, Any], studies: Mapping[str, Figures]) -> list[str]:
+def lacking(folds: Mapping[str, Any], studies: Mapping[str, Any]) -> list[str]:
     """Name the places that are tested but have no figures, as where their recordings are missing."""
     tested = [(study, entry) for study in studies for fold in folds[study].values() for entry in fold["test"]]
     places = [(study, entry.split("/")[1]) for study, entry in tested]

@@ -51,7 +51,7 @@ def choose_stand_in(params: DictConfig) -> None:
 
 @config_errors()
 def main(arguments: list[str] | None = None) -> None:
-    """Fetch, and say what is missing and how to get it; or choose the simulated place."""
+    """Fetch, and print how to get what is missing; or choose the simulated place."""
     parser = argparse.ArgumentParser(prog="python -m tools.recordings", description=__doc__)
     parser.add_argument("--stand-in", action="store_true", help="choose a simulated place if there is none")
     options, params = parser.parse_args(arguments), read_params(Path())

@@ -22,7 +22,7 @@ REPORTS, PLAYER = "reports/", "reports/index.html"
 
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s#]*)(#[^)\s]*)?\)")
 _CODE = re.compile(r"(```.*?```|`[^`\n]*`)", re.DOTALL)
-_CELL_OR_TAG, _OPENS = re.compile(r"(<[^>]*>)"), re.compile(r"<(td|pre)\b")
+_BLOCK, _TEXT = re.compile(r"<(td|pre)\b.*?</\1>", re.DOTALL), re.compile(r">[^<]+<")
 _WHOLE = {
     "td": re.compile(r"\(-?[\d.]+-[\d.]+\)"),
     "pre": re.compile(r"(?<![\w-])--?[a-z][\w-]*"),
@@ -64,17 +64,13 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
 
 def on_page_content(html: str, page: Any, config: Any, files: Any) -> str:
     """Keep intervals in cells and options in commands on one line; give cells of wide tables their titles."""
-    parts = _CELL_OR_TAG.split(_TABLE.sub(_titled, html))
-    kept, inside = [], ""
-    for part in parts:
-        if tag := _OPENS.match(part):
-            inside = tag[1]
-        elif part in ("</td>", "</pre>"):
-            inside = ""
-        elif inside and not part.startswith("<"):
-            part = _WHOLE[inside].sub(r'<span class="whole">\g<0></span>', part)
-        kept.append(part)
-    return "".join(kept)
+    return _BLOCK.sub(_without_breaks, _TABLE.sub(_titled, html))
+
+
+def _without_breaks(block: re.Match[str]) -> str:
+    """A cell or a block of code, in which spans mark what stays on one line."""
+    whole = _WHOLE[block[1]]
+    return _TEXT.sub(lambda text: whole.sub(r'<span class="whole">\g<0></span>', text[0]), block[0])
 
 
 def _targets(markdown: str) -> Iterator[tuple[str, str]]:
@@ -115,15 +111,14 @@ def _titled(table: re.Match[str]) -> str:
     if len(titles) <= _MOST_COLUMNS:
         return table[0]
 
-    def named(row: re.Match[str]) -> str:
-        rank = iter(range(len(titles)))
-        return re.sub(r"<td\b", lambda _: _cell(titles, next(rank, 0)), row[0])
+    def titled_row(row: re.Match[str]) -> str:
+        first, *others = re.split(r"(?=<td\b)", row[0])[1:] or [""]
+        named = [
+            f'<td data-title="{title}"{cell[3:]}' for title, cell in zip(titles[1:], others, strict=False)
+        ]
+        return "".join([row[0].partition("<td")[0], first, *named]) if first else row[0]
 
-    return _ROW.sub(named, table[0])
-
-
-def _cell(titles: list[str], rank: int) -> str:
-    return f'<td data-title="{titles[rank]}"' if rank else "<td"
+    return _ROW.sub(titled_row, table[0])
 
 
 def _mathml(equation: re.Match[str]) -> str:

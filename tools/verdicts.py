@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.online import ALLOWED, calmest, paper_work
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.metrics.calibration import shown_steps
-from pedpred.online import laws
-from pedpred.online.trials import RATES_HZ
-from pedpred.report.rows import PromiseRow
+from stages.row_types import PromiseRow
+from tools import laws
+from tools.latency import ALLOWED, best_updates, paper_work
+from tools.law_worlds import RATES_HZ
 
 Figures = Mapping[str, Mapping[str, Any]]
 """Method -> figure -> value, as in the metric files."""
@@ -24,7 +24,7 @@ LEVEL, SURE = 1.00, 1.03
 """Most that the error over the better simple method's may be, and the end of its interval."""
 _SHORT_S = 8.0  # straight walks of people who have just appeared
 SETTLED_S = 2.5
-"""Age from which somebody's last seconds are known, s."""
+"""Age from which the last seconds of a track are known, s."""
 REGIONS = {"50": (45, 55), "90": (86, 94), "95": (92, 98)}
 """Region, % -> least and most of the true positions in it, %."""
 ROOMS = {"mode_collision_share": 0.07, "obstacle_share": 0.003}
@@ -60,12 +60,12 @@ class Verdict:
     counted: bool = False
 
 
-def below(about: str, what: str, value: float, most: float, remark: str = "", digits: int = 3) -> Verdict:
+def at_most(about: str, what: str, value: float, most: float, remark: str = "", digits: int = 3) -> Verdict:
     """A number that must not exceed another one."""
     return Verdict(about, what, f"{value:.{digits}f}", f"<= {most:.{digits}f}", bool(value <= most), remark)
 
 
-def got_worse(candidate: Sequence[Verdict], present: Sequence[Verdict]) -> list[Verdict]:
+def newly_broken(candidate: Sequence[Verdict], present: Sequence[Verdict]) -> list[Verdict]:
     """The broken promises of a new model that the present one keeps, or that compare the two."""
     broken = {(verdict.about, verdict.what) for verdict in present if not verdict.holds}
     new, old = (sum(not v.holds for v in verdicts) for verdicts in (candidate, present))
@@ -91,16 +91,16 @@ def place_verdicts(
     network, reference = figures[method], figures[STRONGEST]
     simple = [figures[key] for key in (STRAIGHT_ON, STRONGEST)]
     least = min(row["ade_m"] for row in simple)
-    yield below(place, "ADE / better simple method", network["ade_m"] / least, LEVEL, remark)
-    yield below(place, "end of its interval", _end_of_ratio(network, simple, reference), SURE, remark)
+    yield at_most(place, "ADE / better simple method", network["ade_m"] / least, LEVEL, remark)
+    yield at_most(place, "end of its interval", _end_of_ratio(network, simple, reference), SURE, remark)
     if "standing_ade_m" in network:
         standing = min(row["standing_ade_m"] for row in simple)
-        yield below(place, "the same, standing people", network["standing_ade_m"] / standing, LEVEL, remark)
+        yield at_most(place, "the same, standing people", network["standing_ade_m"] / standing, LEVEL, remark)
     if promise is not None:
         ratio = network["ade_m"] / figures[promise.method]["ade_m"]
-        yield below(place, f"ADE / {promise.method}", ratio, promise.most, remark)
+        yield at_most(place, f"ADE / {promise.method}", ratio, promise.most, remark)
     if "nll" in network and "nll" in reference:
-        yield below(place, f"NLL (limit: {STRONGEST})", network["nll"], reference["nll"], remark)
+        yield at_most(place, f"NLL (limit: {STRONGEST})", network["nll"], reference["nll"], remark)
 
 
 def _end_of_ratio(
@@ -130,11 +130,11 @@ def region_verdicts(place: str, network: Mapping[str, Any], remark: str = "") ->
 def room_verdicts(rooms: str, network: Mapping[str, Any], limits: Mapping[str, float]) -> Iterator[Verdict]:
     """Figures in simulated test rooms."""
     for key, most in limits.items():
-        yield below(rooms, key, network.get(key, float("nan")), most, digits=4)
+        yield at_most(rooms, key, network.get(key, float("nan")), most, digits=4)
 
 
 def law_verdicts(folder: Path, seed: int = 0, worlds: int = 5) -> Iterator[Verdict]:
-    """The laws of `pedpred.online.laws` in some drawn worlds."""
+    """The laws of `tools.laws` in some drawn worlds."""
     low, high = laws.STRAIGHT
     for rate in RATES_HZ:
         rng, name = np.random.default_rng([seed, round(10 * rate)]), f"{rate:g} Hz"
@@ -152,26 +152,20 @@ def law_verdicts(folder: Path, seed: int = 0, worlds: int = 5) -> Iterator[Verdi
         for noise in (0.0, 0.02):
             newborn, later = laws.standing_errors_m(folder, rng, rate, noise)
             what = f"m, {name}, noise {100 * noise:.0f} cm"
-            yield below("standing newborns", what, float(newborn.max()), laws.STANDING_M)
-            yield below("standing people", what, float(later.max()), laws.STANDING_M)
+            yield at_most("standing newborns", what, float(newborn.max()), laws.STANDING_M)
+            yield at_most("standing people", what, float(later.max()), laws.STANDING_M)
     draws = [np.random.default_rng([seed, k]) for k in range(worlds)]
-    trials = {
-        "turned by quarters and moved, m": (laws.moved_gap_m, laws.MOVED_M),
-        "turned by any angle, m": (laws.turned_gap_m, laws.MOVED_M),
-        "other ids and order, m": (laws.renamed_gap_m, laws.MOVED_M),
-        "people 30 m away, m": (laws.far_gap_m, laws.FAR_M),
-        "mirrored, m": (laws.mirrored_gap_m, laws.MIRRORED_M),
-    }
-    for what, (law, most) in trials.items():
-        yield below("worlds", what, max(law(folder, rng) for rng in draws), most, digits=4)
+    for what, (gap_m, most_m) in laws.GAPS.items():
+        found_m = max(gap_m(folder, rng) for rng in draws)
+        yield at_most("worlds", f"{what}, m", found_m, most_m, digits=4)
 
 
 def latency_verdicts(folder: Path, tries: int = 5) -> Iterator[Verdict]:
     """Time of an update on one thread over the bound of the paper's network; the best of some tries."""
     work = paper_work()
     for count, allowed in ALLOWED.items():
-        rate, times = calmest(folder, count, 60, tries)
+        rate, times = best_updates(folder, count, 60, tries)
         median = float(np.median(times["update"]))
         ratio = median / (count * work / rate * 1e3)
         remark = f"{median:.1f} ms"
-        yield below(f"{count} people", "update / bound of the paper's network", ratio, allowed, remark)
+        yield at_most(f"{count} people", "update / bound of the paper's network", ratio, allowed, remark)

@@ -9,8 +9,8 @@ from typing import Any
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.baselines.social_force import social_force
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_choice, check_names
 from pedpred.forecasting import Forecaster
+from pedpred.settings import check_choice, check_names
 
 BASELINES: dict[str, Callable[..., Forecaster]] = {**PRESENT_MOTION, "social_force": social_force}
 """Name -> factory, called with the settings of a row. The row names it by its key or as `baseline`."""

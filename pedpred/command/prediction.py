@@ -11,7 +11,6 @@ from pedpred.command.conversion import MCAP, stem_of, write_layout_beside
 from pedpred.command.forecast_tables import SUFFIXES, write_forecasts
 from pedpred.command.recordings import open_recording, warn_without_obstacles
 from pedpred.errors import InputError, ValueRuleError
-from pedpred.fields import parsed
 from pedpred.files import check_input, read_yaml, translate_errors
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import read_description
@@ -20,6 +19,7 @@ from pedpred.online.settings import MOST_PEOPLE
 from pedpred.online.shipped import default_model
 from pedpred.ros import check_recordable, write_recording
 from pedpred.scenes import Scene
+from pedpred.settings import load
 from pedpred.tracking import KalmanSettings
 
 METHOD = "pedpred"
@@ -104,4 +104,4 @@ def read_tracker(path: Path) -> KalmanSettings:
     plain = read_yaml(path, wording)
     plain.pop("kind", None)  # as rows of conf/trackers have it
     with translate_errors(wording):
-        return parsed(KalmanSettings, plain)
+        return load(KalmanSettings, plain)

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 from mcap.writer import MCAP0_MAGIC
 
 from pedpred.errors import InputError, ValueRuleError
-from pedpred.fields import check_choice
 from pedpred.files import check_input
 from pedpred.reading import Recording, read_recording
 from pedpred.reading.checks import check_interval, check_speeds
@@ -24,6 +23,7 @@ from pedpred.ros import Transform, is_bag, read_bag
 from pedpred.ros.identities import MODES
 from pedpred.scenes import OccupancyMap, Scene, checked_placement, placement
 from pedpred.scenes.people import PERSON_CLASSES
+from pedpred.settings import check_choice
 from pedpred.sources.scene_folder import read_own
 from pedpred.storage.maps import read_map
 

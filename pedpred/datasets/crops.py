@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_ranges
 from pedpred.models.features import RowFormat
 from pedpred.models.lstm.features import LstmFeatures
+from pedpred.settings import In, Settings
 from pedpred.storage.mapped import MappedRows
 from pedpred.storage.shards import read_crops, read_manifest
 
 
 @dataclass(frozen=True, kw_only=True)
-class CropSplit:
+class CropSplit(Settings):
     """How crops are divided for the auto-encoder.
 
     Attributes:
@@ -24,11 +25,8 @@ class CropSplit:
         validation_crops: at most this many crops of them, drawn at random.
     """
 
-    validation_share: float
-    validation_crops: int
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"validation_share": "[0, 1)", "validation_crops": "[1, 10000000]"})
+    validation_share: Annotated[float, In("[0, 1)")]
+    validation_crops: Annotated[int, In("[1, 10000000]")]
 
 
 def crops_of(features: Path, how: CropSplit, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, int]:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from pedpred.datasets.rows import TrainingRows
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_choice, check_ranges
+from pedpred.settings import In, OneOf, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
-class SplitSettings:
+class SplitSettings(Settings):
     """How sequences are divided into those to learn from and those to choose the weights by.
 
     Attributes:
@@ -21,12 +22,8 @@ class SplitSettings:
         validation_share: share of the data kept for validation; at least one scene or track.
     """
 
-    validation_by: str
-    validation_share: float
-
-    def __post_init__(self) -> None:
-        check_choice("validation_by", self.validation_by, ("scene", "track"))
-        check_ranges(self, {"validation_share": "[0, 1)"})
+    validation_by: Annotated[str, OneOf(("scene", "track"))]
+    validation_share: Annotated[float, In("[0, 1)")]
 
 
 def split_sequences(

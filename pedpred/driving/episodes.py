@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy import ndimage
@@ -25,8 +26,8 @@ from pedpred.driving.robot import Robot
 from pedpred.driving.sensor import Faults, SensorSettings
 from pedpred.driving.walkers import Walkers
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_ranges
 from pedpred.scenes import OccupancyMap, Scene
+from pedpred.settings import In, Settings
 
 _TRIES = 20_000
 _MOST_ROUTES = 1000  # are computed, which takes longer than all else
@@ -37,7 +38,7 @@ _AFTER_S = 3.0  # the true future is known so long after an episode
 
 
 @dataclass(frozen=True)
-class EpisodeSettings:
+class EpisodeSettings(Settings):
     """Which episodes are drawn.
 
     Attributes:
@@ -46,12 +47,9 @@ class EpisodeSettings:
         patience_s: an episode ends so long after the time of an undisturbed drive.
     """
 
-    distance_m: tuple[float, float] = (5.0, 10.0)
-    watching_s: float = 2.0
-    patience_s: float = 20.0
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"distance_m": "[1, 1000]", "watching_s": "[0, 60]", "patience_s": "[0, 600]"})
+    distance_m: Annotated[tuple[float, float], In("[1, 1000]")] = (5.0, 10.0)
+    watching_s: Annotated[float, In("[0, 60]")] = 2.0
+    patience_s: Annotated[float, In("[0, 600]")] = 20.0
 
 
 @dataclass(frozen=True)

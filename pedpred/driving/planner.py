@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -25,12 +25,12 @@ from pedpred.driving.course import Course, ahead_at, value_at
 from pedpred.driving.risk import Expected, Steps, contact_m, expected, risk_at, within_reach
 from pedpred.driving.robot import Robot, advance
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_ranges
 from pedpred.scenes import Forecast
+from pedpred.settings import In, Settings
 
 
 @dataclass(frozen=True)
-class PlannerSettings:
+class PlannerSettings(Settings):
     """Weights and distances of the planner.
 
     Attributes:
@@ -47,22 +47,17 @@ class PlannerSettings:
         change_weight: w_s, s.
     """
 
-    risk: float = 0.1
-    dt_s: float = 0.1
-    horizon_s: float = 3.0
-    first_s: float = 0.7
-    margin_m: float = 0.05
-    wall_m: float = 0.05
-    comfortable_m: float = 0.3
-    near_m: float = 0.3
-    exposure_weight: float = 5.0
-    wall_weight: float = 1.0
-    change_weight: float = 0.05
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"risk": "[0, 1)", "dt_s": "[0.05, 0.5]", "horizon_s": "[1, 10]"})
-        names = [name for name in vars(self) if name not in ("risk", "dt_s", "horizon_s")]
-        check_ranges(self, dict.fromkeys(names, "[0, 100]"))
+    risk: Annotated[float, In("[0, 1)")] = 0.1
+    dt_s: Annotated[float, In("[0.05, 0.5]")] = 0.1
+    horizon_s: Annotated[float, In("[1, 10]")] = 3.0
+    first_s: Annotated[float, In("[0, 100]")] = 0.7
+    margin_m: Annotated[float, In("[0, 100]")] = 0.05
+    wall_m: Annotated[float, In("[0, 100]")] = 0.05
+    comfortable_m: Annotated[float, In("[0, 100]")] = 0.3
+    near_m: Annotated[float, In("[0, 100]")] = 0.3
+    exposure_weight: Annotated[float, In("[0, 100]")] = 5.0
+    wall_weight: Annotated[float, In("[0, 100]")] = 1.0
+    change_weight: Annotated[float, In("[0, 100]")] = 0.05
 
 
 def check_braking(robot: Robot, planner: PlannerSettings) -> None:

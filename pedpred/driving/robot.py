@@ -5,13 +5,13 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from pedpred.compiled import compiled
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_ranges
+from pedpred.settings import In, Settings
 
 KINDS = ("differential", "holonomic")
 _TURNS = (0.0, 0.15, 0.35, 0.65, 1.0)  # shares of the largest turn rate, to either side
@@ -31,7 +31,7 @@ class Limits(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Robot:
+class Robot(Settings):
     """A round robot. A state is (x, y, heading, a, b): world frame, m and rad.
 
     With differential drive, (a, b) are speed, m/s, and turn rate, rad/s, and it does not drive backwards.
@@ -48,18 +48,17 @@ class Robot:
     """
 
     kind: str = "differential"
-    radius_m: float = 0.3
-    speed_mps: float = 1.2
-    turn_radps: float = 1.5
-    acceleration_mps2: float = 1.0
-    braking_mps2: float = 2.0
-    turn_acceleration_radps2: float = 3.0
+    radius_m: Annotated[float, In("[0.05, 10]")] = 0.3
+    speed_mps: Annotated[float, In("[0.05, 10]")] = 1.2
+    turn_radps: Annotated[float, In("[0.05, 10]")] = 1.5
+    acceleration_mps2: Annotated[float, In("[0.05, 10]")] = 1.0
+    braking_mps2: Annotated[float, In("[0.05, 10]")] = 2.0
+    turn_acceleration_radps2: Annotated[float, In("[0.05, 10]")] = 3.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.kind not in KINDS:
             raise ValueRuleError("kind", self.kind, f"it must be one of {', '.join(KINDS)}")
-        names = [name for name in vars(self) if name != "kind"]
-        check_ranges(self, dict.fromkeys(names, "[0.05, 10]"))
 
     @property
     def limits(self) -> Limits:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from pedpred.fields import check_ranges
 from pedpred.models.mixture.features.beams import obstacle_distances
 from pedpred.scenes import OccupancyMap
+from pedpred.settings import In, Settings
 
 _BEFORE_M = 0.2  # a ray ends so far in front of a person's middle: people stand beside walls
 
 
 @dataclass(frozen=True)
-class SensorSettings:
+class SensorSettings(Settings):
     """A sensor on the robot.
 
     Attributes:
@@ -27,16 +28,12 @@ class SensorSettings:
         occluded: whether walls and people hide what is behind them.
     """
 
-    range_m: float = 10.0
-    view_rad: float = 2 * math.pi
-    noise_m: float = 0.03
-    missed: float = 0.05
-    body_m: float = 0.2
+    range_m: Annotated[float, In("(0, 1000]")] = 10.0
+    view_rad: Annotated[float, In("(0, 6.2832]")] = 2 * math.pi
+    noise_m: Annotated[float, In("[0, 10]")] = 0.03
+    missed: Annotated[float, In("[0, 1)")] = 0.05
+    body_m: Annotated[float, In("[0, 10]")] = 0.2
     occluded: bool = True
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"range_m": "(0, 1000]", "view_rad": "(0, 6.2832]", "missed": "[0, 1)"})
-        check_ranges(self, {"noise_m": "[0, 10]", "body_m": "[0, 10]"})
 
 
 @dataclass(frozen=True)

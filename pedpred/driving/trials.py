@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pedpred.driving.episodes import DriveSettings, Recording
 from pedpred.driving.figures import figures_of
@@ -16,8 +15,13 @@ from pedpred.driving.shown import as_scene, choose_episodes, describe, write_dri
 from pedpred.driving.table import Condition, Row, write_table
 from pedpred.driving.worlds import REACTIONS, Worlds
 from pedpred.errors import ValueRuleError
-from pedpred.fields import LARGEST_SEED, check_choice, check_ranges, parsed_each
 from pedpred.files import write_json
+from pedpred.settings import (
+    LARGEST_SEED,
+    In,
+    Settings,
+    check_choice,
+)
 from pedpred.storage.scenes import read_scene, scene_folders, write_scene
 
 NO_WORLD = "none"
@@ -28,7 +32,7 @@ _BLOCK = 2  # episodes that one worker drives one after the other
 
 
 @dataclass(frozen=True)
-class TrialPlace:
+class TrialPlace(Settings):
     """Where robots drive.
 
     Attributes:
@@ -46,7 +50,7 @@ class TrialPlace:
     lstm: str
 
     def __post_init__(self) -> None:
-        check_ranges(self, {})
+        super().__post_init__()
         check_choice("people", self.people, REACTIONS)
         if self.world != NO_WORLD:
             self.worlds()
@@ -72,7 +76,7 @@ class TrialPlace:
 
 
 @dataclass(frozen=True)
-class TrialSettings:
+class TrialSettings(Settings):
     """Which drives are done.
 
     Attributes:
@@ -83,14 +87,14 @@ class TrialSettings:
         places: by name.
     """
 
-    episodes: int
-    risks: tuple[float, ...]
+    episodes: Annotated[int, In("[1, 1000000]")]
+    risks: Annotated[tuple[float, ...], In("[0, 1)")]
     methods: tuple[str, ...]
-    seed: int
-    places: Mapping[str, TrialPlace] = field(metadata={"parse": partial(parsed_each, TrialPlace)})
+    seed: Annotated[int, In(f"[0, {LARGEST_SEED}]")]
+    places: Mapping[str, TrialPlace]
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"episodes": "[1, 1000000]", "risks": "[0, 1)", "seed": f"[0, {LARGEST_SEED}]"})
+        super().__post_init__()
         for method in self.methods:
             check_choice("methods", method, NAMES)
         if missing := {_SIMPLE, _NETWORK} - set(self.methods):

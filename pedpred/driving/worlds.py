@@ -16,9 +16,9 @@ import numpy as np
 from pedpred.driving.episodes import DriveSettings, Episode, NobodyMetError, Place, draw_episode
 from pedpred.driving.walkers import Walkers, with_robot
 from pedpred.errors import InputError, ValueRuleError
-from pedpred.fields import parsed
 from pedpred.files import read_yaml
 from pedpred.scenes import Scene
+from pedpred.settings import load
 from pedpred.simulation.worlds import WorldSettings
 from pedpred.simulation.worlds.world import RECORD_S, draw_visited_world, record_walking
 
@@ -45,7 +45,7 @@ def ranges() -> WorldSettings:
     """
     trained_on = next((path for path in TRAINED_ON if path.is_file()), TRAINED_ON[-1])
     usual, changes = (read_yaml(path, partial(InputError, path, "file")) for path in (trained_on, CHANGES))
-    settings: WorldSettings = parsed(WorldSettings, _changed(usual, changes))
+    settings: WorldSettings = load(WorldSettings, _changed(usual, changes))
     return settings
 
 

@@ -6,18 +6,23 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from pedpred.errors import InputError, ShapeError, ValueRuleError
 from pedpred.features import FeatureTable
-from pedpred.fields import LARGEST_SEED, check_ranges
 from pedpred.files import translate_errors
 from pedpred.geometry import rotate
 from pedpred.metrics import METRICS, Metric, MetricScene
 from pedpred.metrics.calibration import mixture_nll, share_inside
 from pedpred.metrics.paths import displacement
 from pedpred.scenes import OccupancyMap, Predictions
+from pedpred.settings import (
+    LARGEST_SEED,
+    In,
+    Settings,
+)
 from pedpred.storage.columns import column_names, read_about, read_columns, write_columns
 
 _PER_STEP = ("error_m", "inside", "nll")
@@ -25,7 +30,7 @@ _METRIC = "metric_"
 
 
 @dataclass(frozen=True, kw_only=True)
-class MetricSettings:
+class MetricSettings(Settings):
     """Choices of forecasters and thresholds of the metrics; defaults: published figures.
 
     Attributes:
@@ -40,16 +45,13 @@ class MetricSettings:
     together: bool = True
     learning: bool = True
     trust: bool = True
-    moving_mps: float = 0.3
-    collision_m: float = 0.2
-    miss_m: float = 2.0
-
-    def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(("moving_mps", "collision_m", "miss_m"), "(0, 1e6]"))
+    moving_mps: Annotated[float, In("(0, 1e6]")] = 0.3
+    collision_m: Annotated[float, In("(0, 1e6]")] = 0.2
+    miss_m: Annotated[float, In("(0, 1e6]")] = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Resampling:
+class Resampling(Settings):
     """Size of the bootstrap behind intervals.
 
     Attributes:
@@ -57,11 +59,8 @@ class Resampling:
         seed: of the bootstrap.
     """
 
-    bootstrap: int = 1000
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"bootstrap": "[1, 100000]", "seed": f"[0, {LARGEST_SEED}]"})
+    bootstrap: Annotated[int, In("[1, 100000]")] = 1000
+    seed: Annotated[int, In(f"[0, {LARGEST_SEED}]")] = 0
 
 
 @dataclass(frozen=True, kw_only=True)

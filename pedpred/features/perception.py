@@ -5,27 +5,26 @@ from __future__ import annotations
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from pedpred.features.table import ForecastProtocol
-from pedpred.fields import (
+from pedpred.scenes import Scene
+from pedpred.settings import (
+    In,
+    Settings,
     check_choice,
     check_mapping,
     check_names,
-    check_ranges,
-    field_path,
-    finite,
-    parsed,
+    load,
 )
-from pedpred.scenes import Scene
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.tracking import KalmanBank, KalmanSettings, Tracks, follow, resampled
 
 
 @dataclass(frozen=True, kw_only=True)
-class Following:
+class Following(Settings):
     """How people are followed, whatever the tracker's parameters.
 
     Attributes:
@@ -34,11 +33,8 @@ class Following:
             `pedpred.tracking.noise`.
     """
 
-    standstill_mps: float
+    standstill_mps: Annotated[float, In("[0, 100]")]
     learn_noise: bool
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"standstill_mps": "[0, 100]"})
 
 
 @dataclass(frozen=True)
@@ -68,22 +64,9 @@ def parse_tracker(row: Mapping[str, Any]) -> KalmanSettings | None:
     kind = values.pop("kind", None)
     check_choice("kind", kind, ("kalman", "truth"))
     if kind == "kalman":
-        return parsed_kalman(values)
+        return load(KalmanSettings, values)
     check_names((), values, "", "the true states have no settings")
     return None
-
-
-def parsed_kalman(plain: Any, path: str = "") -> KalmanSettings:
-    """Build the settings of a Kalman tracker; see `pedpred.fields.parsed`.
-
-    Raises:
-        ValueRuleError: a field is missing or unknown, or no positive number.
-    """
-    check_mapping(path, plain)
-    for name, value in plain.items():
-        finite(field_path(path, name), value)
-    settings: KalmanSettings = parsed(KalmanSettings, plain, path)
-    return settings
 
 
 def sensed(scene: Scene, sensor: SensorSettings) -> Scene:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from typing import Annotated
 
 import numpy as np
 
 from pedpred.errors import ShapeError
-from pedpred.fields import check_ranges
+from pedpred.settings import In, Settings
 from pedpred.tracking.tracks import LOST_AFTER_S
 
 
 @dataclass(frozen=True)
-class ForecastProtocol:
+class ForecastProtocol(Settings):
     """What all forecasts and their evaluation have in common, whatever a model reads.
 
     Attributes:
@@ -26,18 +27,13 @@ class ForecastProtocol:
         noncausal: the inputs use later annotations (protocol `paper`); reports must say so.
     """
 
-    dt_s: float = 0.3
-    horizon_steps: int = 10
-    min_history: int = 3
-    max_age_intervals: float = 1.25
-    lost_after_s: float = LOST_AFTER_S
-    truth_gap_s: float = 0.6
+    dt_s: Annotated[float, In("(0, 10000]")] = 0.3
+    horizon_steps: Annotated[int, In("[1, 10000]")] = 10
+    min_history: Annotated[int, In("[1, 10000]")] = 3
+    max_age_intervals: Annotated[float, In("(0, 10000]")] = 1.25
+    lost_after_s: Annotated[float, In("(0, 10000]")] = LOST_AFTER_S
+    truth_gap_s: Annotated[float, In("(0, 10000]")] = 0.6
     noncausal: bool = False
-
-    def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(("horizon_steps", "min_history"), "[1, 10000]"))
-        seconds = ("dt_s", "max_age_intervals", "lost_after_s", "truth_gap_s")
-        check_ranges(self, dict.fromkeys(seconds, "(0, 10000]"))
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from pedpred.fields import check_choice, check_mapping, check_ranges
+from pedpred.settings import Settings, check_choice, check_mapping
 
 WHERE = ("simulated", "real")
 """Kinds of test sets."""
 
 
 @dataclass(frozen=True)
-class MethodRow:
+class MethodRow(Settings):
     """One row.
 
     Attributes:
@@ -25,7 +25,7 @@ class MethodRow:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        check_ranges(self, {})
+        super().__post_init__()
         check_mapping("settings", self.settings)
         for kind in self.where:
             check_choice("where", kind, WHERE)

@@ -30,7 +30,6 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import finite
 from pedpred.forecasting.comparisons import (
     EVERY_S,
     GROUPS,
@@ -45,6 +44,7 @@ from pedpred.forecasting.comparisons import (
 )
 from pedpred.forecasting.detections import NEAR_S, Detections
 from pedpred.scenes import Predictions
+from pedpred.settings import finite
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _LONG_S = 1.0

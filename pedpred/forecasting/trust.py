@@ -28,11 +28,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pedpred.fields import finite
 from pedpred.forecasting.comparisons import EVERY_S, KNOWN, among, groups_of
 from pedpred.forecasting.detections import NEAR_S, Detections
 from pedpred.forecasting.shares import Sums, check_sums
 from pedpred.scenes import Predictions
+from pedpred.settings import finite
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _SPANS_S = np.array([2.4, 0.6])

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
-from pedpred.fields import check_ranges
+from pedpred.settings import In, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecordingShare:
+class RecordingShare(Settings):
     """How much of a training is recorded.
 
     Attributes:
@@ -17,10 +18,7 @@ class RecordingShare:
             their sizes: long ones count more, short ones are not lost.
     """
 
-    real_share: float
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"real_share": "[0, 1]"})
+    real_share: Annotated[float, In("[0, 1]")]
 
     def mixed(self, simulated: Mapping[str, float], rows: Mapping[str, int]) -> dict[str, float]:
         """Shares of all sets.

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import LARGEST_SEED, check_choice, check_ranges, parsed, parsed_each
+from pedpred.settings import (
+    LARGEST_SEED,
+    In,
+    Settings,
+    check_choice,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class WindowSettings:
+class WindowSettings(Settings):
     """The windows of the protocol.
 
     Attributes:
@@ -21,13 +25,9 @@ class WindowSettings:
         step_s: time between two of them.
     """
 
-    observed_steps: int
-    predicted_steps: int
-    step_s: float
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"observed_steps": "[2, 10000]", "predicted_steps": "[1, 10000]"})
-        check_ranges(self, {"step_s": "(0, 60]"})
+    observed_steps: Annotated[int, In("[2, 10000]")]
+    predicted_steps: Annotated[int, In("[1, 10000]")]
+    step_s: Annotated[float, In("(0, 60]")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class LiteratureFold:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ComparisonSettings:
+class ComparisonSettings(Settings):
     """What is compared.
 
     Attributes:
@@ -59,18 +59,18 @@ class ComparisonSettings:
         folds: who is trained on what and tested where.
     """
 
-    protocol: WindowSettings = field(metadata={"parse": partial(parsed, WindowSettings)})
+    protocol: WindowSettings
     raw: str
     reader: Mapping[str, Any]
     recordings: tuple[str, ...]
     tracker: str
-    samples: int
-    seeds: tuple[int, ...]
+    samples: Annotated[int, In("[1, 1000]")]
+    seeds: Annotated[tuple[int, ...], In(f"[0, {LARGEST_SEED}]")]
     scenes: Mapping[str, Sequence[str]]
-    folds: Mapping[str, LiteratureFold] = field(metadata={"parse": partial(parsed_each, LiteratureFold)})
+    folds: Mapping[str, LiteratureFold]
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"samples": "[1, 1000]", "seeds": f"[0, {LARGEST_SEED}]"})
+        super().__post_init__()
         if not self.seeds:
             raise ValueRuleError("seeds", list(self.seeds), "there must be one at least")
         for scene, recordings in self.scenes.items():

@@ -7,9 +7,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from pedpred.features import ForecastProtocol, ModelFeatures
-from pedpred.fields import check_choice, parsed
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
+from pedpred.settings import check_choice, load
 
 FEATURES: dict[str, type[ModelFeatures]] = {"lstm": LstmFeatures, "mixture": MixtureFeatures}
 """Kind of network, also a row of conf/features -> the settings of its inputs."""
@@ -22,7 +22,7 @@ def parse_features(model: str, plain: Mapping[str, Any], path: str = "") -> Mode
         ValueRuleError: the model is unknown, or a setting breaks its rule.
     """
     check_choice("model", model, FEATURES)
-    features: ModelFeatures = parsed(FEATURES[model], plain, path)
+    features: ModelFeatures = load(FEATURES[model], plain, path)
     return features
 
 

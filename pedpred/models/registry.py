@@ -11,11 +11,11 @@ from typing import Any, cast
 import torch
 
 from pedpred.errors import InputError
-from pedpred.fields import check_choice, check_mapping
 from pedpred.files import read_json, translate_errors
 from pedpred.models import ARCHITECTURES
 from pedpred.models.contract import ForecastNetwork, NetworkSettings
 from pedpred.models.features import RowFormat
+from pedpred.settings import check_choice, check_mapping
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
 _KIND = "motion"

@@ -9,18 +9,18 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from pedpred.errors import InputError, ValueRuleError, brief
 from pedpred.features import ForecastProtocol, ModelFeatures
-from pedpred.fields import check_ranges
 from pedpred.files import read_bytes, read_json, translate_errors, write_json
 from pedpred.forecasting.tensors import TENSORS, predictions_of, sound_rows
 from pedpred.models.features import RowFormat
 from pedpred.online.graph import Shape, load_graph
 from pedpred.scenes import Predictions
+from pedpred.settings import In, Settings
 from pedpred.tracking import KalmanSettings
 
 MODEL_SCHEMA = 4
@@ -42,7 +42,7 @@ def output_shapes(steps: int, modes: int) -> dict[str, Shape]:
 
 
 @dataclass(frozen=True)
-class ModelDescription:
+class ModelDescription(Settings):
     """What a robot must know to use a network.
 
     Attributes:
@@ -60,13 +60,14 @@ class ModelDescription:
     outputs: dict[str, Shape]
     made_with: RowFormat
     tracker: KalmanSettings
-    standstill_mps: float
+    standstill_mps: Annotated[float, In("[0, 100]")]
     learn_noise: bool = True
 
     def __post_init__(self) -> None:
-        check_ranges(self.protocol, _PROTOCOL)
-        check_ranges(self.tracker, _NOISE)
-        check_ranges(self, {"standstill_mps": "[0, 100]"})
+        super().__post_init__()
+        for part, ranges in ((self.protocol, _PROTOCOL), (self.tracker, _NOISE)):
+            for name, interval in ranges.items():
+                In(interval).check(name, getattr(part, name), "a number")
         known = self.features.shapes()
         if set(self.inputs) - set(known) or not self.inputs:
             raise ValueRuleError("inputs", self.inputs, f"known inputs are {list(known)}")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol
-from pedpred.fields import check_ranges
+from pedpred.settings import In, Settings
 from pedpred.tracking import KalmanSettings
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
@@ -15,7 +16,7 @@ MOST_PEOPLE = 100_000
 
 
 @dataclass(frozen=True)
-class OnlineSettings:
+class OnlineSettings(Settings):
     """How a stream of detections is treated.
 
     Attributes:
@@ -31,17 +32,16 @@ class OnlineSettings:
         most_people: people to follow; of more, those who came first. An update for 1000 takes up to 0.3 s.
     """
 
-    max_age_s: float = 0.5
-    snap_s: float = 0.05
+    max_age_s: Annotated[float, In("[0, inf)")] = 0.5
+    snap_s: Annotated[float, In("[0, inf)")] = 0.05
     tracker: KalmanSettings | None = None
     learn_noise: bool | None = None
-    detection_noise_m: float = 0.0
+    detection_noise_m: Annotated[float, In("[0, 100]")] = 0.0
     learn_trust: bool = True
-    most_people: int = 1000
+    most_people: Annotated[int, In("[1, 100000]")] = 1000
 
     def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(("max_age_s", "snap_s"), "[0, inf)"))
-        check_ranges(self, {"detection_noise_m": "[0, 100]", "most_people": f"[1, {MOST_PEOPLE}]"})
+        super().__post_init__()
         if self.tracker is not None and not isinstance(self.tracker, KalmanSettings):
             raise ValueRuleError("tracker", self.tracker, "it must be KalmanSettings or None")
 

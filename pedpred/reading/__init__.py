@@ -1,4 +1,4 @@
-"""Recordings in files of others: Head -> Reader -> Table -> Tracks -> checks.
+"""Files of recordings: Head -> Reader -> Table -> Tracks -> checks.
 
 A format is a module with `NAME`, `recognises(head)` and `read(path, options)`; to add one, write it into
 `formats` and add it to `FORMATS`. Readers raise `ContentError` without the path, which is added here.
@@ -20,7 +20,7 @@ import pyarrow as pa
 from pedpred.errors import InputError
 from pedpred.files import check_input
 from pedpred.reading import table
-from pedpred.reading.checks import check_people
+from pedpred.reading.checks import check
 from pedpred.reading.errors import ContentError, add_path
 from pedpred.reading.formats import (
     atc,
@@ -54,7 +54,7 @@ class Reader(Protocol):
     """A module that reads a format.
 
     Attributes:
-        NAME: as people know it.
+        NAME: of the format, for messages.
     """
 
     NAME: str
@@ -92,7 +92,7 @@ class Recording:
 
     Attributes:
         scene: named after the file, on free ground unless the file has a geometry.
-        names: of tracks whose ids are words.
+        names: names of tracks whose ids are words.
         format: its name.
         walls: the geometry inside the file; None: it has none.
     """
@@ -114,7 +114,7 @@ def format_of(path: Path, options: ReadOptions) -> Reader:
         head = Head.of(path)
         recognised = next((reader for reader in FORMATS if reader.recognises(head)), None)
         if recognised is not None and options.columns is not None and not head.lines:
-            raise ContentError(f"this is {recognised.NAME}, whose columns are known", "Leave --columns out")
+            raise ContentError(f"the columns of {recognised.NAME} are fixed", "Leave --columns out")
         if recognised is not None and options.columns is None:
             return recognised
         if not table.is_columnar(head.raw):
@@ -127,7 +127,7 @@ def read_recording(path: Path, options: ReadOptions | None = None, with_walls: b
 
     Args:
         path: a file in one of `FORMATS`, or a table.
-        options: what it does not say itself.
+        options: what the file does not contain.
         with_walls: read the geometry inside it, too.
 
     Raises:
@@ -143,7 +143,7 @@ def read_recording(path: Path, options: ReadOptions | None = None, with_walls: b
     with add_path(path):
         tracks = to_tracks(str(path), content, options)
         unit = agreed_unit(content.unit, options)
-        dt_s = check_people(str(path), tracks.people, unit, options.any_speed)
+        dt_s = check(tracks.people, str(path), unit, options.any_speed)
         walls = content.walls() if content.walls is not None and with_walls else None
         if isinstance(walls, Geometry):
             ground = occupancy_of(walls, CELL_M, WALL_M)
@@ -171,7 +171,7 @@ def _unpacked(path: Path) -> Iterator[Path]:
 
 
 def _read_folder(folder: Path, options: ReadOptions) -> Table:
-    """Read a folder with a file for each person, who is called like the file."""
+    """Read a folder with one file per person; the name of the file is the id."""
     check_input(folder, folder=True)
     files = sorted(file for file in folder.iterdir() if file.is_file() and not file.name.startswith("."))
     if not 0 < len(files) <= _MOST_FILES:

@@ -1,4 +1,4 @@
-"""Whether tracks can be those of people: the same checks for files, bags, data frames and scene folders."""
+"""Check that tracks can be those of people: `check`, for files, bags, data frames and scene folders."""
 
 from __future__ import annotations
 
@@ -8,36 +8,36 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.reading.errors import ContentError
-from pedpred.reading.options import UNITS
 from pedpred.scenes import Trajectories
 
 FASTEST_MPS = 6.0
-"""Nobody walks faster."""
+"""Faster than any pedestrian."""
 _RUNNING_MPS, _SLOWEST_MPS, _JUMP_MPS = 3.0, 0.1, 12.0
 _LONGEST_S = 5.0
 """Longest usual time between two detections of a pedestrian that can be seconds."""
 _TOO_LONG = {5e6: "nanoseconds", 5e3: "microseconds", _LONGEST_S: "milliseconds or frame numbers"}
-_LIKELY = ("ft", "cm", "mm")
 _SPAN_S = 0.4
 """Speeds are measured over this time at least, so that noise and short steps do not count."""
 _BLOCK_ROWS = 2**16
 _log = logging.getLogger(__name__)
 
 
-def check_people(name: str, people: Trajectories, unit: str = "m", any_speed: bool = False) -> float:
+def check(people: Trajectories, name: str, unit: str = "m", any_speed: bool = False) -> float:
     """Check tracks, and return the usual time between two detections of one, s.
 
     Args:
-        name: of the file, for messages.
-        people: what was read from it.
-        unit: of its lengths.
-        any_speed: people who are faster than people walk are only warned about.
+        people: tracks in metres and seconds.
+        name: of the file or topic, for messages.
+        unit: of the lengths before they were converted.
+        any_speed: only warn of people who are faster than people walk.
 
     Raises:
-        ContentError: nobody is detected twice, times are not seconds, or people are too fast.
+        ContentError: no track has two detections, times are not seconds, or people are too fast.
     """
     if not len(people):
-        raise ContentError("no detections: no row says when somebody is where", "Name a file with tracks")
+        raise ContentError(
+            "no detections: no row has an id, a time and a position", "Name a file with tracks"
+        )
     try:
         dt_s = people.usual_interval_s()
     except ValueRuleError as cause:
@@ -50,11 +50,16 @@ def check_people(name: str, people: Trajectories, unit: str = "m", any_speed: bo
     return dt_s
 
 
+def check_people(name: str, people: Trajectories, unit: str = "m", any_speed: bool = False) -> float:
+    """The same as `check`, with the name first."""
+    return check(people, name, unit, any_speed)
+
+
 def check_interval(dt_s: float) -> None:
     """Check that the usual time between two detections of a track can be seconds.
 
     Raises:
-        ContentError: it is too long; the message says what it looks like.
+        ContentError: it is too long; the message names the likely unit.
     """
     for least, unit in _TOO_LONG.items():
         if dt_s >= least:
@@ -64,7 +69,7 @@ def check_interval(dt_s: float) -> None:
 
 
 def check_speeds(name: str, people: Trajectories, unit: str = "m", any_speed: bool = False) -> None:
-    """Check that people move as fast as people do; arguments and errors as of `check_people`."""
+    """Check that people move as fast as people do; arguments and errors as of `check`."""
     speed_mps = speeds_mps(people)
     if not len(speed_mps):
         return
@@ -72,16 +77,14 @@ def check_speeds(name: str, people: Trajectories, unit: str = "m", any_speed: bo
     speeds = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), {half_mps:.3g} m/s half of the time"
     if usual_mps > FASTEST_MPS:
         speeds = f"{speeds}, faster than people walk"
-    if usual_mps > FASTEST_MPS and not any_speed:
-        factor_of = {other: UNITS[other] / UNITS.get(unit, 1.0) for other in _LIKELY}
-        walking = [other for other, factor in factor_of.items() if usual_mps * factor <= _RUNNING_MPS]
-        lengths = f"--unit {walking[0]} if lengths are {walking[0]}, " if walking and unit == "m" else ""
-        remedy = f"Say {lengths}--rate if the frame rate is another one, or --any-speed to read it as it is"
-        raise ContentError(speeds, remedy)
+        if not any_speed:
+            lengths = "--unit if lengths are not metres, " if unit == "m" else ""
+            remedy = f"Give {lengths}--rate if the frame rate differs, or --any-speed to read it as it is"
+            raise ContentError(speeds, remedy)
     if usual_mps > _RUNNING_MPS:
         _log.warning("%s: %s", name, speeds)
     elif usual_mps < _SLOWEST_MPS:
-        _log.warning("%s: nobody moves faster than %.2g m/s", name, usual_mps)
+        _log.warning("%s: all people are slower than %.2g m/s", name, usual_mps)
     if usual_mps <= FASTEST_MPS and (jumps := int((speed_mps > _JUMP_MPS).sum())):
         _log.warning("%s: people jump %d times, at up to %.3g m/s", name, jumps, speed_mps.max())
 

@@ -1,4 +1,4 @@
-"""What is wrong with the content of a file; readers do not know its path, which `add_path` adds."""
+"""Errors in the content of a file: readers raise them without the path, which `add_path` adds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tracks are called in a file whose ids are words; inside, tracks have numbers."""
+"""Names of tracks in files with words as ids; in memory, tracks have numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a recording does not say itself."""
+"""Options for what a file of tracks does not contain."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_choice
 from pedpred.geometry import Homography
+from pedpred.settings import check_choice
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "inch": 0.0254}
 """Metres per unit of length."""
@@ -22,7 +22,7 @@ _SAME_RATE = 1e-5  # rates such as 29.97 and 30000/1001 are one
 
 @dataclass(frozen=True)
 class ReadOptions:
-    """What a recording does not say itself; None or empty: the file says it, or nobody has to.
+    """Options for what a file of tracks does not contain; None or empty: it does, or it is not needed.
 
     Attributes:
         columns: quantity -> title, or the quantities in the order of the columns; other words are ignored.
@@ -87,7 +87,7 @@ class ReadOptions:
 
     @property
     def lengths(self) -> str | None:
-        """The unit that the caller says, or `PIXELS`."""
+        """The unit of lengths in the options, or `PIXELS`."""
         return self.unit if self.pixel_m is None and self.homography is None else PIXELS
 
 

@@ -32,7 +32,7 @@ def ids_come_first(first: np.ndarray, second: np.ndarray, position: np.ndarray) 
         ids_first = shorter if _clearly_less(one.long_step, other.long_step) is shorter else None
     if ids_first is None:
         problem = "without a header, the first two columns could be id and frame, or frame and id"
-        raise ContentError(problem, "Say which: --columns id,frame,x,y, or --columns frame,id,x,y")
+        raise ContentError(problem, "Name them: --columns id,frame,x,y, or --columns frame,id,x,y")
     return ids_first
 
 
@@ -62,7 +62,7 @@ class _Motion:
     """How tracks move, in the unit of positions and per detection.
 
     Attributes:
-        usual_step: median step plus median change between steps; infinite where nobody is seen twice.
+        usual_step: median step plus median change between steps; infinite if no track has two detections.
         long_step: the same of the 95th percentiles.
         seen: median number of detections of a track.
     """

@@ -58,7 +58,7 @@ def on_ground(options: ReadOptions, x: np.ndarray, y: np.ndarray, line: np.ndarr
     """
     if options.homography is None:
         if options.pixel_m is None:
-            remedy = "Say how long the side of a pixel is, m: --scale 0.03, or give --homography H.txt"
+            remedy = "Give the side of a pixel in metres: --scale 0.03, or a homography: --homography H.txt"
             raise ContentError("positions are in pixels, and their size is unknown", remedy)
         return np.float64(options.pixel_m) * np.stack([x, -y], axis=-1)
     pixels_rc = np.stack([y, x], axis=-1)

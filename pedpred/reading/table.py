@@ -52,12 +52,12 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Table:
-    """What stands in a file, before anything is converted.
+    """The rows of a file, before anything is converted.
 
     Attributes:
         rows: `time` or `frame`, `id`, `x`, `y` and perhaps `class`, as text or numbers; null: missing.
-        unit: of x and y, a key of `UNITS` or `PIXELS`; None: the file does not say it.
-        rate_hz: frames per second; None: the file does not say it.
+        unit: of x and y, a key of `UNITS` or `PIXELS`; None: not in the file.
+        rate_hz: frames per second; None: not in the file.
         walls: reads the geometry inside the file; None: it has none.
         clock_s: what a time of 1 lasts, s.
         before: lines before the first row, for errors; None: the file is no text.
@@ -79,7 +79,7 @@ class Columns:
 
     Attributes:
         titles: quantity -> title.
-        unit: of lengths, as the titles say it; None: they do not.
+        unit: of lengths, from the titles; None: they have none.
         clock_s: what a time of 1 lasts, s.
     """
 
@@ -153,7 +153,7 @@ def read(path: Path, options: ReadOptions, also: Sequence[str] = ()) -> Table:
 
     Args:
         path: the file.
-        options: what it does not say.
+        options: what the file does not contain.
         also: titles of further columns of numbers, which are read where they are there.
 
     Raises:
@@ -172,7 +172,7 @@ def read(path: Path, options: ReadOptions, also: Sequence[str] = ()) -> Table:
     else:
         return _read_untitled(path, form, comments, options)
     _log.info("%s: %s", path, ", ".join(f"{name}: {title}" for name, title in columns.titles.items()))
-    unit, rate_hz = said_in(comments)
+    unit, rate_hz = find_unit_and_rate(comments)
     wanted = {**columns.titles, **{title: title for title in also if title in form.titles}}
     words = ["id", "class", *(title for title in also if title.endswith("_id"))]
     rows = read_columns(path, form, wanted, words)
@@ -201,9 +201,9 @@ def _read_untitled(path: Path, form: TextForm, comments: Sequence[str], options:
     if width < 4:
         problem = f"no header, and {width} columns, expected id frame x y"
         raise ContentError(
-            problem, "Separate values by blanks, tabs, commas or semicolons, or say --delimiter"
+            problem, "Separate values by blanks, tabs, commas or semicolons, or give --delimiter"
         )
-    unit, rate_hz = said_in(comments)
+    unit, rate_hz = find_unit_and_rate(comments)
     titles = ("id", "frame", "x", "y", *(f"column {k}" for k in range(5, width + 1)))
     form = replace(form, titles=titles)
     rows = read_columns(path, form, {title: title for title in titles[:4]}, ("id", "frame"))
@@ -271,26 +271,25 @@ def _by_position(columns: Sequence[str], width: int) -> list[str]:
     """The given titles; others that repeat are told apart, and missing ones at the end are added."""
     if len(columns) > width:
         problem = f"{width} columns, but --columns names {len(columns)}"
-        raise ContentError(problem, "Name all columns in order, or say --delimiter")
+        raise ContentError(problem, "Name all columns in order, or give --delimiter")
     names = [*columns, *([""] * (width - len(columns)))]
     return [name if name in QUANTITIES else f"column {at}" for at, name in enumerate(names, start=1)]
 
 
-def said_in(comments: Sequence[str]) -> tuple[str | None, float | None]:
+def find_unit_and_rate(comments: Sequence[str]) -> tuple[str | None, float | None]:
     """The unit of lengths and the frame rate in comments, as PeTrack, JuPedSim and PedPy write them.
 
     Raises:
-        ContentError: they say several.
+        ContentError: there are several.
     """
     rates = {
         float(match[1]) for text in comments for match in (*_RATE.finditer(text), *_RATE_AFTER.finditer(text))
     }
     units = {(match[1] or match[2]).lower() for text in comments for match in _UNIT.finditer(text)}
-    for what, said in (("frame rates", rates), ("units of lengths", units)):
-        if len(said) > 1:
-            raise ContentError(
-                f"comments say the {what} {' and '.join(map(str, sorted(said)))}", "Correct them"
-            )
+    for what, found in (("frame rates", rates), ("units of lengths", units)):
+        if len(found) > 1:
+            listed = " and ".join(map(str, sorted(found)))
+            raise ContentError(f"the comments name the {what} {listed}", "Correct them")
     return (units.pop() if units else None), (rates.pop() if rates else None)
 
 
@@ -355,7 +354,7 @@ def from_frame(frame: pd.DataFrame, options: ReadOptions) -> tuple[Table, pd.Ind
     """Take the columns of a data frame; levels of its index that have names count as columns.
 
     Returns:
-        The table, whose ids count the people, and what these are called.
+        The table, with ids 0, 1, 2 ..., and the ids in the data frame.
 
     Raises:
         ContentError: a column is missing, or holds something else.

@@ -23,7 +23,7 @@ from pedpred.storage.tracks import MOST_NUMBERS
 BLANKS = " "
 """The delimiter that stands for any number of blanks and tabs."""
 MISSING = ("", "?", "-", "nan", "na", "n/a", "<na>", "nat", "null", "none")
-"""What stands for no value, in small letters."""
+"""Spellings of a missing value, in small letters."""
 _CHUNK, _LONGEST_LINE = 2**20, 2**20
 _EXACT = 2**53  # floats of larger whole numbers are rounded
 
@@ -76,7 +76,7 @@ def _chunks(path: Path, encoding: str | None) -> Iterator[str]:
             try:
                 text = held + decoder.decode(raw, final=not following)
             except UnicodeError as cause:
-                remedy = "Say the encoding, such as --encoding cp1252, or save it as UTF-8"
+                remedy = "Give the encoding, such as --encoding cp1252, or save the file as UTF-8"
                 raise ContentError(f"the text is not {name} ({cause})"[:300], remedy) from cause
             held = "\r" if text.endswith("\r") and following else ""
             yield text[: len(text) - len(held)]
@@ -241,6 +241,17 @@ def numbers(
     return np.fromiter(_each_number(texts.to_pylist(), title, before), np.float64, len(texts))
 
 
+def to_number(text: str) -> float:
+    """Convert a text to a number; Python's `1_000` is none.
+
+    Raises:
+        ValueError: it is not a number.
+    """
+    if "_" in text:
+        raise ValueError(f"{text!r} is not a number")
+    return float(text)
+
+
 def _each_number(texts: Sequence[str | None], title: str, before: int | None) -> Iterator[float]:
     """Convert texts one by one, to find the wrong one."""
     for row, text in enumerate(texts):
@@ -248,10 +259,10 @@ def _each_number(texts: Sequence[str | None], title: str, before: int | None) ->
             yield np.nan
             continue
         try:
-            value = float("?" if "_" in text else text)
+            value = to_number(text)
         except ValueError as cause:
             comma = re.fullmatch(r"[+-]?\d+,\d+", text.strip())
-            remedy = "Say the decimal mark: --decimal ," if comma else "Correct the line, or remove it"
+            remedy = "Give the decimal mark: --decimal ," if comma else "Correct the line, or remove it"
             raise _wrong(title, text, "is not a number", row, before, remedy) from cause
         if not np.isfinite(value):
             raise _wrong(title, text, "must be finite", row, before)

@@ -27,8 +27,8 @@ from pedpred.scenes.people import PERSON_CLASSES, is_person
 from pedpred.storage.tracks import TRACK_COLUMNS, tracks_of
 
 NO_RATE = (
-    "nobody says the frame rate",
-    "Say it: --rate (rate_hz), frame_rate_hz of a place, or a first line `# framerate: 16`",
+    "the frame rate is unknown",
+    "Give it: --rate (rate_hz), frame_rate_hz of a place, or a first line `# framerate: 16`",
 )
 _LONGEST_NAME, _MOST_NAMES, _SHOWN = 200, 500_000, 5
 _log = logging.getLogger(__name__)
@@ -36,33 +36,33 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Tracks:
-    """People, and what their tracks are called where ids are words."""
+    """People, and the names of their tracks where ids are words."""
 
     people: Trajectories
     names: TrackNames = field(default_factory=TrackNames)
 
 
 class _Rows(NamedTuple):
-    """The rows that count, and their lines."""
+    """Rows of a table, and their lines in the file."""
 
     table: pa.Table
     line: np.ndarray
 
     def keep(self, kept: np.ndarray) -> _Rows:
-        """Some of the rows. [M] bool."""
+        """The rows where `kept` [M] is true."""
         return _Rows(self.table.filter(pa.array(kept)), self.line[kept])
 
 
 def to_tracks(file: str, table: Table, options: ReadOptions) -> Tracks:
-    """Convert what stands in a file.
+    """Convert the rows of a file to tracks in metres and seconds.
 
     Args:
         file: its name, for messages.
         table: its rows.
-        options: what it does not say.
+        options: what the file does not contain.
 
     Raises:
-        ContentError: a value is wrong, somebody is at two places at once, or rate or unit are unclear.
+        ContentError: a value is wrong, a person is at two places at once, or rate or unit are unknown.
     """
     line = np.arange(table.rows.num_rows) + 1 + (table.before or 0)
     rows = _people_in(file, _Rows(table.rows, line), options)
@@ -97,13 +97,12 @@ def _people_in(name: str, rows: _Rows, options: ReadOptions) -> _Rows:
     wanted = options.classes or PERSON_CLASSES
     people = [label for label in counts.index if is_person(label, wanted)]
     if not options.classes and len(counts) == 1 and counts.index[0].isdecimal():
-        people = list(counts.index)  # a number that all rows share tells nobody apart
+        people = list(counts.index)  # all rows share one number: it does not separate people from others
     listed = ", ".join(f"{count} of {label!r}" for label, count in counts.items() if label not in people)
     if not any(people):
-        what = " or ".join(options.classes) or "a person"
-        raise ContentError(
-            f"no row is of {what}; there are {listed[:200]}", "Say which classes are people: --class"
-        )
+        what = " or ".join(options.classes) or "person"
+        problem = f"no row has the class {what}; there are {listed[:200]}"
+        raise ContentError(problem, "Give the classes of people: --class")
     if len(people) == len(counts):
         return rows
     _log.warning("%s: dropped rows of other classes: %s", name, listed[:200])
@@ -112,8 +111,8 @@ def _people_in(name: str, rows: _Rows, options: ReadOptions) -> _Rows:
 
 
 def _with_positions(name: str, rows: _Rows, table: Table) -> tuple[_Rows, np.ndarray, np.ndarray]:
-    """The rows that have x and y; rows of somebody without them are missing detections."""
-    with _naming_lines(rows, table):
+    """Drop the rows without x and y; if they have an id, they are missing detections."""
+    with _line_numbers(rows, table):
         x, y = (numbers(rows.table[axis], axis, 0) for axis in "xy")
     placed = np.isfinite(x) & np.isfinite(y)
     if placed.all():
@@ -142,7 +141,7 @@ def _is_null(values: pa.Array) -> np.ndarray:
 
 
 def _ordered(rows: _Rows, x: np.ndarray, y: np.ndarray, table: Table) -> _Rows:
-    """The rows with `id` and `frame`, or `id` and `time`, in the order that fits how people move."""
+    """Name the first two columns, `id` and `frame` or `time`, in the order that fits human motion."""
     first, second = rows.table["id"], rows.table["frame"]
     try:
         values = [
@@ -158,7 +157,7 @@ def _ordered(rows: _Rows, x: np.ndarray, y: np.ndarray, table: Table) -> _Rows:
     else:
         ids_first = ids_come_first(values[0], values[1], np.stack([x, y], -1))
     names = ["id", "time" if any(fractions) else "frame"]
-    _log.info("each line is %s, x, y, as people move", ", ".join(names if ids_first else names[::-1]))
+    _log.info("columns, ordered by how people move: %s, x, y", ", ".join(names if ids_first else names[::-1]))
     one, other = (first, second) if ids_first else (second, first)
     return _Rows(pa.table({"id": one, names[1]: other}), rows.line)
 
@@ -172,35 +171,35 @@ def _are_numbers(column: pa.ChunkedArray) -> bool:
 
 
 def _identities(name: str, rows: _Rows) -> tuple[np.ndarray, TrackNames, np.ndarray]:
-    """Ids as numbers, what tracks are called, and which rows are about somebody tracked."""
+    """Ids as numbers [M], names of the tracks, and which rows have the id of a tracked person [M]."""
     missing = is_missing(rows.table["id"])
     if missing.all():
-        raise ContentError("id is missing in all rows", "Name the column: --columns id=TITLE")
+        raise ContentError("the id is missing in all rows", "Name the column: --columns id=TITLE")
     if missing.any():
         text = "%s: dropped %d rows with a position and no id, the first in line %d"
         _log.warning(text, name, missing.sum(), rows.line[missing][0])
     track_id, names = number_ids(rows.table["id"], missing)
     if names.of_number:
         shown = ", ".join(f"{text} is {number}" for number, text in list(names.of_number.items())[:_SHOWN])
-        _log.info("%s: ids are words, and numbered: %s", name, shown)
+        _log.info("%s: ids are words; they get numbers: %s", name, shown)
     untracked = [number for number, text in names.of_number.items() if text == "-1"] or [-1]
-    nobody = np.isin(track_id, untracked) & ~missing
-    if nobody.any() and not nobody[~missing].all() and not (track_id[~missing & ~nobody] < 0).any():
+    lost = np.isin(track_id, untracked) & ~missing
+    if lost.any() and not lost[~missing].all() and not (track_id[~missing & ~lost] < 0).any():
         text = "%s: dropped %d rows with id -1 (not tracked), the first in line %d"
-        _log.warning(text, name, nobody.sum(), rows.line[nobody][0])
-        return track_id, names, ~missing & ~nobody
+        _log.warning(text, name, lost.sum(), rows.line[lost][0])
+        return track_id, names, ~missing & ~lost
     return track_id, names, ~missing
 
 
 def number_ids(column: pa.ChunkedArray, missing: np.ndarray) -> tuple[np.ndarray, TrackNames]:
-    """Number ids: whole numbers stay what they are; words are numbered in the order of appearance.
+    """Number ids: whole numbers keep their values; words are numbered in the order of appearance.
 
     Args:
         column: ids, as text or numbers.
         missing: rows without one. [M] bool
 
     Returns:
-        [M] int64, anything where an id is missing; and what tracks are called.
+        [M] int64, arbitrary where an id is missing; and the names of the tracks.
 
     Raises:
         ContentError: ids are numbers with fractions, too long or too many.
@@ -257,34 +256,34 @@ def _check_names(called: list[str]) -> None:
         raise ContentError(f"id = {brief(fractions[0])} is not a whole number", remedy)
 
 
-def agreed_unit(said: str | None, options: ReadOptions) -> str:
-    """The unit of lengths that the file or the caller says; metres where nobody does.
+def agreed_unit(found: str | None, options: ReadOptions) -> str:
+    """The unit of lengths in the file or the options; metres if neither has one.
 
     Raises:
         ContentError: they differ.
     """
     given = options.lengths
-    if said is not None and given is not None and said != given:
+    if found is not None and given is not None and found != given:
         option = "--scale and --homography" if given == PIXELS else "--unit"
-        problem = f"lengths are said to be {said}, and by {option} to be {given}"
+        problem = f"lengths are {found} by the file, and {given} by {option}"
         raise ContentError(problem, f"Leave {option} out, or correct the title or comment")
-    return said or given or "m"
+    return found or given or "m"
 
 
-def agreed_rate(said: float | None, options: ReadOptions) -> float:
-    """The frame rate that the file or the caller says.
+def agreed_rate(found: float | None, options: ReadOptions) -> float:
+    """The frame rate in the file or the options, Hz.
 
     Raises:
-        ContentError: nobody says it, they differ, or it is not a rate.
+        ContentError: neither has one, they differ, or it is not a rate.
     """
     given = options.rate_hz
-    if said is None and given is None:
+    if found is None and given is None:
         raise ContentError(*NO_RATE)
-    if said is not None and given is not None and not is_same_rate(said, given):
+    if found is not None and given is not None and not is_same_rate(found, given):
         raise ContentError(
-            f"the file says {said:g} frames per second, and --rate {given:g}", "Leave --rate out"
+            f"{found:g} frames per second in the file, {given:g} by --rate", "Leave --rate out"
         )
-    rate_hz = said if said is not None else given
+    rate_hz = found if found is not None else given
     assert rate_hz is not None
     if not SLOWEST_HZ <= rate_hz <= FASTEST_HZ:
         raise ContentError(
@@ -305,7 +304,7 @@ def _in_metres(
 def _seconds(rows: _Rows, table: Table, options: ReadOptions) -> np.ndarray:
     """Times of rows, s: from frames and their rate, from numbers, or from dates of ISO 8601 (Unix time)."""
     if "frame" in rows.table.column_names:
-        with _naming_lines(rows, table):
+        with _line_numbers(rows, table):
             frame = whole_numbers(numbers(rows.table["frame"], "frame", 0), "frame", 0)
         return np.asarray(frame / agreed_rate(table.rate_hz, options))
     column = rows.table["time"]
@@ -317,7 +316,7 @@ def _seconds(rows: _Rows, table: Table, options: ReadOptions) -> np.ndarray:
         dates = pd.Series(column.to_pandas())
     else:
         try:
-            with _naming_lines(rows, table):
+            with _line_numbers(rows, table):
                 time = numbers(column, "time", 0) * table.clock_s
         except ContentError as cause:
             remedy = "Write times as seconds, or as 2024-03-05T14:02:07.5 (ISO 8601)"
@@ -344,10 +343,10 @@ def _without_copies(
     names: TrackNames,
     table: Table,
 ) -> np.ndarray | slice:
-    """Rows without those that say the same as an earlier one. [K].
+    """The rows that do not repeat an earlier one. [K].
 
     Raises:
-        ContentError: somebody is at two places at once; it names both lines.
+        ContentError: a person is at two places at once; it names both lines.
     """
     order = np.lexsort((time_s, track_id))  # stable: the earlier line comes first
     again = np.diff(track_id[order]) == 0
@@ -357,9 +356,9 @@ def _without_copies(
     one, other = order[:-1][again], order[1:][again]
     if (apart := np.any([axis[one] != axis[other] for axis in place], axis=0)).any():
         first = np.flatnonzero(apart)[np.argmin(line[other[apart]])]
-        who, when = names.column(track_id[one[first]][None])[0], time_s[one[first]]
+        name_of_track, when = names.column(track_id[one[first]][None])[0], time_s[one[first]]
         where = "line" if table.before is not None else "row"
-        problem = f"id {who} is at another place at {when:.10g} s in {where} {line[one[first]]}"
+        problem = f"id {name_of_track} is at another place at {when:.10g} s in {where} {line[one[first]]}"
         remedy = "Remove one of them; make a file for each run. Or name the column of ids: --columns id=TITLE"
         raise at_row(table, int(line[other[first]]), problem, remedy)
     text = "%s: dropped %d rows that repeat another one, the first in line %d"
@@ -369,8 +368,8 @@ def _without_copies(
 
 
 @contextmanager
-def _naming_lines(rows: _Rows, table: Table) -> Iterator[None]:
-    """Let errors about a row of the rows that are left name its line in the file."""
+def _line_numbers(rows: _Rows, table: Table) -> Iterator[None]:
+    """Convert row numbers in errors to lines of the file; dropped rows count."""
     try:
         yield
     except ContentError as cause:

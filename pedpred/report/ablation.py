@@ -13,13 +13,13 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from pedpred.errors import InputError, ValueRuleError
-from pedpred.fields import parsed, parsed_each
 from pedpred.files import read_yaml, translate_errors
 from pedpred.plain import parse_json
 from pedpred.report.canvas import blank, styled
 from pedpred.report.document import NOTHING, Picture, Pictures, Section, markdown_table
 from pedpred.report.methods import Methods
 from pedpred.report.tables import interval
+from pedpred.settings import load, load_each
 
 _SPREAD = "mean ± standard deviation"
 
@@ -77,8 +77,8 @@ def read_ablation(path: Path) -> Ablation:
     plain = read_yaml(path, wording)
     with translate_errors(wording):
         points = {str(name): overrides for name, overrides in plain.pop("points").items()}
-        columns = parsed_each(Column, plain.pop("columns", {}), "columns")
-        ablation: Ablation = parsed(Ablation, plain | {"points": points, "columns": columns})
+        columns = load_each(Column, plain.pop("columns", {}), "columns")
+        ablation: Ablation = load(Ablation, plain | {"points": points, "columns": columns})
         return ablation
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from matplotlib.colors import to_hex, to_rgb
@@ -14,12 +14,12 @@ from PIL import Image, ImageDraw, ImageFont
 
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.fields import check_ranges
 from pedpred.files import atomic_write
 from pedpred.report.canvas import FAINT, INK, OBSTACLE
 from pedpred.report.methods import Method, Methods
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turn_points
 from pedpred.scenes import Scene, Trajectories
+from pedpred.settings import In, Settings
 
 _PERSON_RADIUS_M = 0.2
 _TAIL = "#7FA8C9"
@@ -35,18 +35,14 @@ LONGEST_GAP = 1.5
 
 
 @dataclass(frozen=True)
-class Animation:
+class Animation(Settings):
     """Settings of an animation."""
 
     method: str  # key of the method whose forecasts are drawn
-    duration_s: float  # of the stretch, which is shown at its own pace
-    frame_s: float  # time between two frames
-    tail_s: float  # time that the past paths span
-    width_px: int  # of a frame
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"duration_s": "(0, 3600]", "frame_s": "[0.01, 60]", "tail_s": "(0, 3600]"})
-        check_ranges(self, {"width_px": "[16, 10000]"})
+    duration_s: Annotated[float, In("(0, 3600]")]  # of the stretch, which is shown at its own pace
+    frame_s: Annotated[float, In("[0.01, 60]")]  # time between two frames
+    tail_s: Annotated[float, In("(0, 3600]")]  # time that the past paths span
+    width_px: Annotated[int, In("[16, 10000]")]  # of a frame
 
 
 def write_animation(

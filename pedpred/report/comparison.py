@@ -1,64 +1,34 @@
 """Which metrics moved, and whether by more than their intervals allow.
 
-A figure `x` is judged by the earlier 95 % interval `x_ci95` beside it: it moved when it lies outside. The
-interval may be null, where no replicate had a value, as for a metric of one person in a small bootstrap.
+A figure is judged by its earlier 95 % interval: it moved when it lies outside. The interval may be missing,
+where no replicate had a value, as for a metric of one person in a small bootstrap. A difference to the
+reference method is judged only if the method's own figure moved, because otherwise the reference did.
 """
 
 from __future__ import annotations
 
 import subprocess
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from pedpred.errors import InputError, PedpredError, ValueRuleError
 from pedpred.files import read_json, translate_errors
 from pedpred.metrics import METRICS
 from pedpred.plain import parse_json
 from pedpred.report.document import NOTHING, markdown_table
-from pedpred.report.measures import bounds_of
+from pedpred.report.results import REFERENCE_GAP, figure_of, results_frame
 from pedpred.report.tables import interval
 
-_GAP = "_minus_reference"
-Metrics = Mapping[str, Any]
-"""Metric files by name: {file: {scene: {method: {"ade_m": ..., "ade_m_ci95": [low, high], ...}}}}."""
+VERDICTS = ("worse", "vanished", "unjudged", "better", "new", "reference", "within", "same")
+"""Verdicts in the order of the table, which leaves the last three out.
 
-
-@dataclass(frozen=True)
-class Figure:
-    """One figure with its 95 % interval, None if it is null, and the number of windows behind it."""
-
-    value: float
-    bounds: tuple[float, float] | None
-    windows: int
-
-
-@dataclass(frozen=True)
-class Change:
-    """A figure before and after; None where it did not exist."""
-
-    name: tuple[str, ...]  # (file, scene, method, figure)
-    before: Figure | None  # at the revision
-    after: Figure | None  # now
-
-    @property
-    def verdict(self) -> str:
-        """`new`, `vanished`, `worse` or `better` beyond the earlier interval, `within` it, or `same`.
-
-        What moved without an earlier interval is `unjudged`.
-        """
-        if self.before is None or self.after is None:
-            return "new" if self.before is None else "vanished"
-        if self.before.bounds is None:
-            return "same" if self.after.value == self.before.value else "unjudged"
-        low, high = self.before.bounds
-        if not low <= self.after.value <= high:
-            better = METRICS[self.name[-1].removesuffix(_GAP)].better
-            return "better" if (self.after.value > high) == (better == "higher") else "worse"
-        return "same" if self.after.value == self.before.value else "within"
+`unjudged` moved without an earlier interval, `reference` is a difference that moved with the reference alone.
+"""
+_KEYS = ["study", "place", "method", "figure"]
 
 
 def metrics_now(folder: Path) -> dict[str, Any]:
@@ -96,49 +66,80 @@ def metrics_at(revision: str, folder: Path) -> dict[str, Any]:
     return metrics
 
 
-def changes(before: Metrics, after: Metrics) -> list[Change]:
-    """List every figure of either side, in the order of the files; those without an interval are left out."""
-    old, new = dict(_figures(before)), dict(_figures(after))
-    return [Change(name, old.get(name), new.get(name)) for name in [*new, *(old.keys() - new.keys())]]
+def changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> pd.DataFrame:
+    """Compare the metrics of two sets of files, name -> contents.
+
+    Returns:
+        A row per metric of either side, in the order of the files: study, place, method, figure, verdict, and
+        what was measured `before` and `after`, NaN where it does not exist.
+    """
+    old, new = _metrics(before), _metrics(after)
+    both = new.add_suffix("_after").join(old.add_suffix("_before"))
+    gone = old[~old.index.isin(new.index)].add_suffix("_before")
+    found = pd.concat([both, gone]) if len(gone) else both
+    verdicts = {
+        name: _verdict(name[-1], row) for name, row in zip(found.index, found.itertuples(), strict=True)
+    }
+    for name, verdict in verdicts.items():
+        own = (*name[:-1], name[-1].removesuffix(REFERENCE_GAP))
+        if own != name and verdict not in ("new", "vanished", "same") and verdicts.get(own) == "same":
+            verdicts[name] = "reference"
+    return found.assign(verdict=list(verdicts.values())).reset_index()
 
 
-def changes_table(changes: list[Change]) -> str:
+def _metrics(files: Mapping[str, Any]) -> pd.DataFrame:
+    """Value, interval and number of windows of all metrics, by `_KEYS`."""
+    frame = results_frame(files)
+    judged = frame["figure"].str.removesuffix(REFERENCE_GAP).isin(METRICS) & (frame["step"] == 0)
+    windows = frame[frame["figure"] == "windows"].rename(columns={"value": "windows"})
+    frame = frame[judged].merge(windows[[*_KEYS[:3], "windows"]], on=_KEYS[:3], how="left")
+    return frame.set_index(_KEYS)[["value", "low", "high", "windows"]]
+
+
+def _verdict(figure: str, row: Any) -> str:
+    if pd.isna(row.value_before) or pd.isna(row.value_after):
+        return "new" if pd.isna(row.value_before) else "vanished"
+    if row.value_after == row.value_before:
+        return "same"
+    if pd.isna(row.low_before) or pd.isna(row.high_before):
+        return "unjudged"
+    if row.low_before <= row.value_after <= row.high_before:
+        return "within"
+    better = METRICS[figure.removesuffix(REFERENCE_GAP)].better
+    return "better" if (row.value_after > row.high_before) == (better == "higher") else "worse"
+
+
+def changes_table(changes: pd.DataFrame) -> str:
     """Write what moved beyond its interval, appeared or vanished as a Markdown table, and count the rest.
 
     A new figure of a method that was there before is only counted: a new metric would fill pages.
     """
-    counted = [change for change in changes if change.verdict not in ("same", "within")]
-    known = {change.name[:3] for change in changes if change.before is not None}
-    shown = [c for c in counted if c.verdict != "new" or c.name[:3] not in known]
-    shown.sort(key=lambda change: ("worse", "vanished", "unjudged", "better", "new").index(change.verdict))
-    rows = [[*c.name, _worded(c.before), _worded(c.after), c.verdict] for c in shown]
+    known = changes.groupby(_KEYS[:3])["value_before"].transform("count") > 0
+    listed = changes["verdict"].isin(VERDICTS[:5]) & ~(known & (changes["verdict"] == "new"))
+    shown = changes[listed].sort_values("verdict", key=lambda each: each.map(VERDICTS.index), kind="stable")
+    rows = [
+        [*(getattr(row, key) for key in _KEYS), _worded(row, "before"), _worded(row, "after"), row.verdict]
+        for row in shown.itertuples()
+    ]
     header = ["file", "scene", "method", "figure", "before (95 % interval)", "now (95 % interval)", "verdict"]
-    count = Counter(change.verdict for change in changes)
+    count = changes["verdict"].value_counts().reindex(VERDICTS, fill_value=0)
+    with_reference = f", {count['reference']} moved with the reference alone" if count["reference"] else ""
     unjudged = f", {count['unjudged']} moved without an interval" if count["unjudged"] else ""
     count_line = (
         f"{len(changes)} figures: {count['worse']} worse and {count['better']} better than their earlier "
         f"interval, {count['within']} moved within it, {count['same']} unchanged, "
-        f"{count['new'] + count['vanished']} new or vanished{unjudged}."
+        f"{count['new'] + count['vanished']} new or vanished{with_reference}{unjudged}."
     )
     return f"{markdown_table(header, rows, texts=7)}\n\n{count_line}" if rows else count_line
 
 
-def _figures(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Figure]]:
-    """Yield the judged figures of all entries, (file, scene, method) deep, by their full name."""
-    if not isinstance(node, Mapping):
-        return
-    for key, value in node.items():
-        if len(path) < 3:
-            yield from _figures(value, (*path, key))
-        elif key.removesuffix(_GAP) in METRICS and f"{key}_ci95" in node:
-            yield (*path, key), Figure(value, bounds_of(node, key), node["windows"])
-
-
-def _worded(figure: Figure | None) -> str:
-    if figure is None:
+def _worded(row: Any, when: str) -> str:
+    """What was measured before or after, with its interval and the number of windows."""
+    names = {name: getattr(row, f"{name}_{when}") for name in ("value", "low", "high", "windows")}
+    if pd.isna(names["value"]):
         return NOTHING
-    bounds = interval(figure.bounds) if figure.bounds else "no interval"
-    return f"{figure.value:.3f} ({bounds}), {figure.windows} windows"
+    value, bounds = figure_of(pd.Series(names))
+    return f"{value:.3f} ({interval(bounds) if bounds else 'no interval'}), {names['windows']:.0f} windows"
 
 
 def _git(folder: Path, wording: Callable[[str], PedpredError], *arguments: str) -> str:

@@ -44,27 +44,23 @@ def displacement_section(
 def _rows(place: str, scenes: Sequence[EvaluationWindows], shown: Sequence[Method]) -> list[Row]:
     """One row per group of people of a test set."""
     speed = np.concatenate([np.hypot(*scene.velocity.T) for scene in scenes])
-    truth = np.concatenate([_ahead_m(scene, scene.truth) for scene in scenes])
-    forecasts = [
-        np.concatenate([_ahead_m(scene, scene.predictions[row.key].point) for scene in scenes])
-        for row in shown
-    ]
+    ways = np.concatenate([_ways_m(scene, shown) for scene in scenes], axis=1)
     rows = []
     for low, high in pairwise(SPEEDS_MPS):
         group = (speed >= low) & (speed < high)
         if group.sum() < FEWEST:
             continue
-        true_m = float(truth[group].mean())
+        true_m, *means = (float(way[group].mean()) for way in ways)
         limit_m = max(TOLERATED_M, TOLERATED_SHARE * abs(true_m))
-        means = [float(displacement[group].mean()) for displacement in forecasts]
         cells = [Cell(f"{mean:.2f}", strong=abs(mean - true_m) > limit_m) for mean in means]
         speeds = f"{low:g} - {high:g}" if np.isfinite(high) else f"above {low:g}"
         rows.append(Row([Cell(place), Cell(speeds), Cell(str(group.sum())), Cell(f"{true_m:.2f}"), *cells]))
     return rows
 
 
-def _ahead_m(scene: EvaluationWindows, path: np.ndarray) -> np.ndarray:
-    """Way along the heading until the last step, m. [W, P, 2] -> [W]."""
+def _ways_m(scene: EvaluationWindows, shown: Sequence[Method]) -> np.ndarray:
+    """Way along the heading until the last step, the true one and those forecast, m. [1 + methods, W]."""
     heading = np.stack([np.cos(scene.heading_rad), np.sin(scene.heading_rad)], axis=-1)
-    ahead: np.ndarray = ((path[:, -1] - scene.position) * heading).sum(axis=-1)
-    return ahead
+    paths = [scene.truth, *(scene.predictions[method.key].point for method in shown)]
+    ways: np.ndarray = ((np.array(paths)[:, :, -1] - scene.position) * heading).sum(axis=-1)
+    return ways

@@ -1,23 +1,31 @@
 """What reports are made of: sections of texts, tables, pictures and plots, written as Markdown or as HTML.
 
-The Markdown is written here, the HTML by the templates in `page/`. Plots are drawn by the page alone; a
-Markdown page shows the picture that stands beside them.
+The Markdown is written here, the HTML by the templates in `page/`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar
 
 from matplotlib.figure import Figure
 
 from pedpred.report.canvas import write_png
-from pedpred.report.charts import BoxPlot, Whisker
 
 NOTHING = "-"
 """Fills table cells without a figure."""
+
+
+@dataclass(frozen=True)
+class Whisker:
+    """A mean with its interval on a scale of 0 to 100; `beyond` the scale an arrow is drawn."""
+
+    low: float
+    middle: float
+    high: float
+    beyond: bool = field(kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -85,12 +93,11 @@ class Text:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure, and what the page draws in its place, sharp at any width and with tooltips."""
+    """A figure with its caption."""
 
     name: str  # file name without ending
     caption: str  # what is seen, and by which rule it was chosen
     figure: Figure
-    plot: BoxPlot | None = None
 
 
 @dataclass(frozen=True)

@@ -27,22 +27,21 @@ from pedpred.report.plan import draw_ground
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import read_scene
 
-LABELS = {
-    "standing": "people stand",
-    "constant_velocity": "constant velocity",
-    "kalman": "Kalman filter",
-    "point": "network, one path",
-    "modes": "network, all modes",
-    "social_force": "social forces, true goals",
-    "true_future": "true future",
-    "lstm": "LSTM",
+FORECASTERS = {
+    "standing": ("people stand", "#E69F00"),
+    "constant_velocity": ("constant velocity", "#7F7F7F"),
+    "kalman": ("Kalman filter", "#0072B2"),
+    "point": ("network, one path", "#CC79A7"),
+    "modes": ("network, all modes", "#D55E00"),
+    "social_force": ("social forces, true goals", "#009E73"),
+    "true_future": ("true future", "#56B4E9"),
+    "lstm": ("LSTM", "#882255"),
 }
+"""Words and colour of each forecaster; colours are those of conf/report/methods.yaml."""
+LABELS = {key: label for key, (label, _) in FORECASTERS.items()}
 """Names of forecasters in words; other networks keep their names."""
-_COLOURS = ("#E69F00", "#7F7F7F", "#0072B2", "#CC79A7", "#D55E00", "#009E73", "#56B4E9", "#882255")
-"""Those of conf/report/methods.yaml where the method is the same."""
 _CERTAIN, _MARKERS = "o", "sD^vP*X"
 """Marker of methods without a limit of risk; those of the limits, from the smallest, in all curves."""
-_COLOUR = dict(zip(LABELS, _COLOURS, strict=True))
 _OTHER, _ROBOT, _FAULT = "#8C564B", "#0072B2", "#D55E00"
 _AROUND_M = 3.0
 _DISC_S = 1.0  # people and robot are drawn so often
@@ -73,21 +72,12 @@ def read_shown(drives: Path) -> list[Shown]:
     Raises:
         InputError: a file is missing or damaged.
     """
-    path = drives / "shown.json"
-    known = read_json(path, partial(InputError, path, "file", remedy="Write it again"))
-    return [
-        Shown(
-            kind,
-            shown["episode"],
-            [(read_scene(drives / f"{kind}_{about['method']}"), about) for about in shown["drives"]],
-            _existing(drives / f"{kind}.mcap"),
-        )
-        for kind, shown in known.items()
-    ]
-
-
-def _existing(path: Path) -> str:
-    return path.as_posix() if path.exists() else ""
+    path, shown = drives / "shown.json", []
+    for kind, own in read_json(path, partial(InputError, path, "file", remedy="Write it again")).items():
+        driven = [(read_scene(drives / f"{kind}_{about['method']}"), about) for about in own["drives"]]
+        recording = drives / f"{kind}.mcap"
+        shown.append(Shown(kind, own["episode"], driven, recording.as_posix() if recording.exists() else ""))
+    return shown
 
 
 @styled
@@ -98,31 +88,28 @@ def curves_figure(figures: Figures) -> Figure:
     equal times, and each limit has a marker in all curves; bars are 95 % intervals over episodes.
     """
     figure = blank(7.8, 4.2)
-    axes = figure.subplots()
+    axes, handles = figure.subplots(), list[Artist]()
     curves = [limits for limits in figures["methods"].values() if len(limits) > 1]
     marker = dict(zip(sorted({risk for limits in curves for risk in limits}, key=float), cycle(_MARKERS)))
-    handles: list[Artist] = []
     for method, limits in figures["methods"].items():
-        limits = dict(sorted(limits.items(), key=lambda one: one[1]["time_s"]))
-        points = list(limits.values())
-        time_s, share = (np.array([one[name] for one in points]) for name in ("time_s", "at_fault"))
-        aside, up = (
-            np.abs(np.array([one[f"{name}_ci95"] for one in points]).T - middle)
-            for name, middle in (("time_s", time_s), ("at_fault", share))
+        risks, points = zip(*sorted(limits.items(), key=lambda limit: limit[1]["time_s"]), strict=True)
+        middle, ends = (
+            np.array([[one[f"{key}{part}"] for one in points] for key in ("time_s", "at_fault")])
+            for part in ("", "_ci95")
         )
-        colour, label = _COLOUR.get(method, _OTHER), LABELS.get(method, method)
+        (aside, up), (time_s, share) = np.abs(np.swapaxes(ends, 1, 2) - middle[:, None]), middle
+        label, colour = FORECASTERS.get(method, (method, _OTHER))
         axes.errorbar(time_s, 100 * share, 100 * up, aside, color=colour, elinewidth=0.7, capsize=2)
-        for risk, x, y in zip(limits, time_s, share, strict=True):
-            shape = marker[risk] if len(limits) > 1 else _CERTAIN
+        shapes = [marker[risk] if len(limits) > 1 else _CERTAIN for risk in risks]
+        for shape, x, y in zip(shapes, time_s, share, strict=True):
             axes.plot(x, 100 * y, shape, color=colour, markersize=5, clip_on=False, zorder=3)
         handles.append(Line2D([], [], color=colour, marker="" if len(limits) > 1 else _CERTAIN, label=label))
     handles += [
         Line2D([], [], color=INK, linestyle="", marker=shape, label=f"limit of risk {risk}")
         for risk, shape in marker.items()
     ]
-    axes.set(
-        xlabel="mean time to the goal, s", ylabel="episodes with a collision at fault, %", ylim=(0, None)
-    )
+    axes.set(xlabel="mean time to the goal, s", ylabel="episodes with a collision at fault, %")
+    axes.set_ylim(0, None)
     axes.set_title(f"{figures['place']}, {figures['robot']}, {figures['episodes']} episodes")
     figure.legend(handles=handles, loc="outside right upper")
     return figure
@@ -175,11 +162,9 @@ def drives_section(places: Mapping[str, tuple[Figures, Sequence[Shown]]]) -> Sec
     Args:
         places: name of a row of conf/driving -> figures, and the episodes that are shown.
     """
-    said = [
-        Text(sentence, "note") for name, (driven, _) in places.items() if (sentence := answer(name, driven))
-    ]
+    answers = [answer(name, figures) for name, (figures, _) in places.items()]
     parts = [_place_section(name, *driven) for name, driven in places.items()]
-    blocks: list[Block] = [Text(_ABOUT), *said, *parts]
+    blocks: list[Block] = [Text(_ABOUT), *(Text(words, "note") for words in answers if words), *parts]
     return Section("Does a robot collide less?", blocks if places else [], "drives")
 
 
@@ -259,17 +244,13 @@ _DRAWN = (
 def _place_section(name: str, figures: Figures, shown: Sequence[Shown]) -> Section:
     """Curves, table and episodes of a place."""
     caption = "Collisions at fault over the time to the goal; bars: 95 % intervals over episodes."
-    blocks: list[Block] = [Pictures([Picture(f"{name}_curves", caption, curves_figure(figures))])]
-    blocks.append(drives_table(figures))
-    pictures = []
+    curves, pictures = Picture(f"{name}_curves", caption, curves_figure(figures)), []
     for kind, episode, drives, recording in shown:
-        words = f"{_KINDS[kind]} (number {episode}). {_DRAWN}"
-        if recording:
-            words += f" With its forecasts: {recording}."
+        where = f" With its forecasts: {recording}." if recording else ""
+        words = f"{_KINDS[kind]} (number {episode}). {_DRAWN}{where}"
         pictures.append(Picture(f"{name}_{kind}", words, episode_figure(drives)))
-    if pictures:
-        blocks.append(Pictures(pictures))
-    return Section(_words(name), blocks)
+    further = [Pictures(pictures)] if pictures else []
+    return Section(_words(name), [Pictures([curves]), drives_table(figures), *further])
 
 
 def _words(name: str) -> str:

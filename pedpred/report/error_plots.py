@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -15,9 +14,9 @@ from matplotlib.patches import Patch
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.metrics.calibration import REGIONS, coverage, share_inside, shown_steps
 from pedpred.report.canvas import FAINT, blank, styled
-from pedpred.report.charts import ends_of, scale_of
-from pedpred.report.measures import Result
 from pedpred.report.methods import Methods
+from pedpred.report.results import STEPS, Result
+from pedpred.report.tables import scale_of
 
 _READING = "below the dashed line: overconfident,\nabove it: underconfident"
 _SHARES = np.linspace(0.0, 0.99, 100)
@@ -26,52 +25,36 @@ _MEASURED = 20_000
 
 def horizon_table(result: Result, methods: Methods) -> pd.DataFrame:
     """Mean error over the horizon, m: a row per step, a column per method, and `horizon_s`."""
-    columns = {name: result.figures[name]["per_step_m"] for name in methods.ordered(result.figures)}
-    steps = len(next(iter(columns.values()), []))
-    return pd.DataFrame({"horizon_s": [f"{result.dt_s * (k + 1):.1f}" for k in range(steps)], **columns})
+    errors_m = result.figures.over_steps("per_step_m")[methods.ordered(result.figures.methods)]
+    times = [f"{result.dt_s * step:.1f}" for step in errors_m.index]
+    errors_m.insert(0, "horizon_s", times)
+    return errors_m
 
 
 @styled
 def horizon_figure(result: Result, methods: Methods) -> Figure:
     """Draw boxes from the lower to the upper quartile with the median, and a line through the means."""
-    figure = blank(11.0, 4.0)
-    axes = figure.subplots()
-    figures, step_s, names = result.figures, result.dt_s, methods.ordered(result.figures)
-    width = 0.8 * step_s / len(names)
+    figure, figures = blank(11.0, 4.0), result.figures
+    axes, names = figure.subplots(), methods.ordered(figures.methods)
+    means, *quartiles = (figures.over_steps(key) for key in STEPS)
+    width, times = 0.8 * result.dt_s / len(names), np.arange(1, len(means) + 1) * result.dt_s
     for rank, name in enumerate(names):
-        shift = (rank - (len(names) - 1) / 2) * width
-        _draw_method(axes, figures[name], shift, width, step_s, methods[name].colour)
-    steps = len(figures[names[0]]["per_step_m"])
-    top, cut = scale_of(ends_of(figures))
-    axes.set(
-        xticks=np.arange(1, steps + 1) * step_s,
-        xlabel="prediction horizon [s]",
-        ylabel="position error [m]",
-        ylim=(0.0, top),
-        title=result.title,
-    )
-    handles = [
-        Patch(color=methods[name].colour, label=_entry(methods[name].label, figures[name], name == cut))
-        for name in names
-    ]
+        middle, colour = times + (rank - (len(names) - 1) / 2) * width, methods[name].colour
+        low, median, high = (quartile[name].to_numpy() for quartile in quartiles)
+        axes.bar(middle, high - low, 0.88 * width, low, color=colour, alpha=0.35, linewidth=0)
+        axes.hlines(median, middle - 0.44 * width, middle + 0.44 * width, color=colour, linewidth=1.6)
+        axes.plot(middle, means[name], color=colour, linewidth=1.0, marker="o", markersize=2.2)
+    top, cut = scale_of({name: max(means[name].iloc[-1], quartiles[-1][name].iloc[-1]) for name in names})
+    axes.set(xticks=times, xlabel="prediction horizon [s]", ylabel="position error [m]", ylim=(0.0, top))
+    axes.set_title(result.title)
+    handles = []
+    for name in names:
+        beyond = f"\n(beyond: {means[name].iloc[-1]:.2f} m at the end)" if name == cut else ""
+        label = f"{methods[name].label}, {figures.value(name):.3f} m{beyond}"
+        handles.append(Patch(color=methods[name].colour, label=label))
     title = "box: quartiles, median\nline: mean\nfigures: ADE"
     figure.legend(handles=handles, loc="outside right upper", title=title, alignment="left")
     return figure
-
-
-def _draw_method(
-    axes: Axes, metrics: Mapping[str, Any], shift: float, width: float, step_s: float, colour: str
-) -> None:
-    middle = np.arange(1, len(metrics["per_step_m"]) + 1) * step_s + shift
-    low, median, high = (np.array(metrics[f"per_step_q{q}_m"]) for q in (25, 50, 75))
-    axes.bar(middle, high - low, 0.88 * width, low, color=colour, alpha=0.35, linewidth=0)
-    axes.hlines(median, middle - 0.44 * width, middle + 0.44 * width, color=colour, linewidth=1.6)
-    axes.plot(middle, metrics["per_step_m"], color=colour, linewidth=1.0, marker="o", markersize=2.2)
-
-
-def _entry(label: str, metrics: Mapping[str, Any], cut: bool) -> str:
-    beyond = f"\n(beyond: {metrics['per_step_m'][-1]:.2f} m at the end)" if cut else ""
-    return f"{label}, {metrics['ade_m']:.3f} m{beyond}"
 
 
 def with_covariances(windows: Sequence[EvaluationWindows], methods: Methods) -> list[str]:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_choice, check_mapping, check_ranges, parsed
 from pedpred.report.document import NOTHING
-from pedpred.report.measures import Figures, Result, bounds_of
 from pedpred.report.methods import Methods
+from pedpred.report.results import ADE_GAP, Figures, Result
+from pedpred.settings import In, Settings, check_choice, check_mapping, load
 
 Verdict = Literal["met", "missed", "not measured"]
 _KINDS = ("below", "gains", "ratio_at_least")
 
 
 @dataclass(frozen=True)
-class Expectation:
+class Expectation(Settings):
     """A statement about the ADE of two methods, given by their keys.
 
     Kind `below`: the first is below the second; `gains`: the same, reported as a relative gain;
@@ -27,11 +27,11 @@ class Expectation:
     kind: str
     first: str
     second: str
-    bound: float = 1.0
+    bound: Annotated[float, In("(0, 1e6]")] = 1.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_choice("kind", self.kind, _KINDS)
-        check_ranges(self, {"bound": "(0, 1e6]"})
 
 
 def _expectations(plain: Any, path: str) -> dict[str, list[Expectation]]:
@@ -41,23 +41,22 @@ def _expectations(plain: Any, path: str) -> dict[str, list[Expectation]]:
     for study, rows in plain.items():
         if not isinstance(rows, list):
             raise ValueRuleError(f"{path}.{study}", rows, "a list is needed")
-        expected[study] = [parsed(Expectation, row, f"{path}.{study}[{n}]") for n, row in enumerate(rows)]
+        expected[study] = [load(Expectation, row, f"{path}.{study}[{n}]") for n, row in enumerate(rows)]
     return expected
 
 
 @dataclass(frozen=True)
-class Paper:
+class Paper(Settings):
     """The publication that results are compared with, by study."""
 
-    ade_m: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # {study: {method: error, m}}
+    ade_m: Mapping[str, Annotated[Mapping[str, float], In("(0, 1e6]")]] = field(
+        default_factory=dict
+    )  # {study: {method: error, m}}
     remarks: Mapping[str, str] = field(default_factory=dict)
     expectations: Mapping[str, Sequence[Expectation]] = field(
         default_factory=dict, metadata={"parse": _expectations}
     )
     at: Mapping[str, Sequence[str]] = field(default_factory=dict)  # test sets it is about; all by default
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"ade_m": "(0, 1e6]"})
 
     def about(self, result: Result) -> bool:
         """Whether the publication says something about a test set."""
@@ -86,19 +85,20 @@ def judge_expectations(result: Result, paper: Paper, methods: Methods) -> list[t
 def judge(expected: Expectation, figures: Figures, methods: Methods) -> Finding:
     """Judge an expectation by the figures of a test set."""
     first, second = methods[expected.first], methods[expected.second]
+    is_ratio = expected.kind == "ratio_at_least"
     claim = f"{first.label} below {second.label}"
-    if expected.kind == "ratio_at_least":
+    if is_ratio:
         claim = f"{first.label} / {second.label} at least {expected.bound:.2f}"
-    if not {first.key, second.key} <= figures.keys() or not figures[second.key]["ade_m"]:
+    found = [figures.get(method.key, "ade_m") for method in (first, second)]
+    one, two = (figure.value if figure else 0.0 for figure in found)
+    if None in found or not two:
         return Finding(claim, NOTHING, "not measured")
-    one, two = figures[first.key]["ade_m"], figures[second.key]["ade_m"]
     measured, holds = f"{one:.3f} m {'<' if one < two else '≥'} {two:.3f} m", one < two
-    if expected.kind == "gains":
-        measured = better_than(one, two)
-        if in_the_noise(figures[first.key]):
-            measured += ", but the interval of the difference includes 0"
-    elif expected.kind == "ratio_at_least":
+    if is_ratio:
         measured, holds = f"{one / two:.3f}", one / two >= expected.bound
+    elif expected.kind == "gains":
+        unsure = ", but the interval of the difference includes 0" * in_the_noise(figures, first.key)
+        measured = better_than(one, two) + unsure
     return Finding(claim, measured, "met" if holds else "missed")
 
 
@@ -110,26 +110,21 @@ def better_than(one: float, other: float) -> str:
     return f"{abs(gain):.1%} {'better' if gain >= 0 else 'worse'}".replace("%", " %")
 
 
-def in_the_noise(metrics: Mapping[str, Any]) -> bool:
-    """Whether the interval of the paired difference to the reference includes zero."""
-    interval = bounds_of(metrics, "ade_m_minus_reference")
-    return interval is not None and interval[0] <= 0.0 <= interval[1]
+def in_the_noise(figures: Figures, method: str) -> bool:
+    """Whether the interval of a method's paired difference to the reference includes zero."""
+    gap = figures.get(method, ADE_GAP)
+    return gap is not None and gap.bounds is not None and gap.bounds[0] <= 0.0 <= gap.bounds[1]
 
 
 def sum_up(findings: Sequence[tuple[str, Finding]]) -> str:
     """Sum up all expectations; each comes with the test set that it is about."""
-    judgements = [(name, f) for name, f in findings if f.verdict != "not measured"]
-    missed = [(name, f) for name, f in judgements if f.verdict == "missed"]
-    if not judgements:
+    judged = [(name, f) for name, f in findings if f.verdict != "not measured"]
+    missed = [f"{name}, {f.claim} (measured: {f.measured})" for name, f in judged if f.verdict == "missed"]
+    if not judged:
         return "None of the expectations could be checked: their methods were not evaluated."
+    text = f"All {len(judged)} expectations that could be checked are met."
     if missed:
-        listed = "; ".join(f"{name}, {f.claim} (measured: {f.measured})" for name, f in missed)
         verb = "is" if len(missed) == 1 else "are"
-        text = f"**{len(missed)} of {len(judgements)} expectations {verb} missed**: {listed}."
-    else:
-        text = f"All {len(judgements)} expectations that could be checked are met."
-    if len(judgements) < len(findings):
-        text += (
-            f" {len(findings) - len(judgements)} could not be checked, because a method was not evaluated."
-        )
-    return text
+        text = f"**{len(missed)} of {len(judged)} expectations {verb} missed**: {'; '.join(missed)}."
+    unchecked = len(findings) - len(judged)
+    return text + f" {unchecked} could not be checked, because a method was not evaluated." * (unchecked > 0)

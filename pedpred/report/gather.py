@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows, read_forecasts
-from pedpred.models.lstm.autoencoder import read_autoencoder
+from pedpred.models.lstm.autoencoder import GridAutoencoder, read_autoencoder
 from pedpred.report.curves import read_curve
 from pedpred.report.document import Block, Section, Text
 from pedpred.report.findings import Paper
-from pedpred.report.gallery import Evaluated
-from pedpred.report.measures import read_metrics, results_of
 from pedpred.report.methods import Methods
+from pedpred.report.results import Result, read_metrics, results_of
 from pedpred.report.sections import (
     READING,
     answer_section,
@@ -35,6 +36,30 @@ TITLES = {
 """Of studies; another one's name is its title."""
 STAND_INS = "Simulated people in place of recordings: no network was trained on them"
 """Heading of studies of real pedestrians where there are none."""
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """What was measured in a study, and what it was measured on."""
+
+    study: str
+    kind: str  # of its test sets, "simulated" or "real"
+    results: Sequence[Result]
+    scenes: Mapping[str, Sequence[Scene]]  # by data set; those of trainings follow the test sets
+    windows: Mapping[str, EvaluationWindows]  # by scene
+    curves: Mapping[str, pd.DataFrame]  # of trainings, by name
+    autoencoder: GridAutoencoder
+    missing: Mapping[str, str] = field(default_factory=dict)  # sets without recording: how to get it
+
+    @property
+    def stand_ins(self) -> dict[str, str]:
+        """Tested scenes of simulated people in place of recorded ones, and how they were made."""
+        tested = [scene for result in self.results for scene in self.scenes.get(result.name, ())]
+        return {scene.name: scene.stand_in for scene in tested if scene.stand_in is not None}
+
+    def scene(self, name: str) -> Scene:
+        """Find a scene by its name."""
+        return next(scene for scenes in self.scenes.values() for scene in scenes if scene.name == name)
 
 
 def title_of(evaluated: Evaluated) -> str:

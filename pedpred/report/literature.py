@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pedpred.report.document import NOTHING, Block, Cell, Row, Section, Table, Text
-from pedpred.report.measures import Figures, bounds_of
 from pedpred.report.methods import Methods
-from pedpred.report.tables import interval
+from pedpred.report.results import figure_of
+from pedpred.report.tables import interval, pivot
 
 Published = Mapping[str, Any]
 """A row of `report.published`: name, samples, errors_m (scene or mean -> [ADE, FDE]), remark."""
@@ -18,7 +19,14 @@ Published = Mapping[str, Any]
 SCENES = ("eth", "hotel", "univ", "zara1", "zara2")
 """What is averaged, each with the same weight."""
 MEAN = "mean"
-_ONE, _BEST = ("ade_m", "fde_m"), ("best_ade_m", "best_fde_m")
+_PROBABILITIES = {
+    "most_likely_ade_m": "ADE of the most likely path [m]",
+    "min_ade_m_k3": "minADE3 [m]",
+    "min_ade_m_k6": "minADE6 [m]",
+    "nll": "NLL [nats]",
+    "energy_score_m": "energy score [m]",
+    "collision_share": "collisions [%]",
+}
 _SEEN = (
     "8 annotations 0.4 s apart are seen, the next 12 are forecast; one scene is left out at a time, and "
     "every person who is seen in all 20 annotations counts. Errors are in metres. Networks read "
@@ -34,16 +42,16 @@ _TWENTY = (
 
 
 def literature_section(
-    literature: Mapping[str, Figures], published: Sequence[Published], methods: Methods
+    literature: pd.DataFrame, published: Sequence[Published], methods: Methods
 ) -> list[Section]:
     """Tables of one forecast and of the best of 20; nothing without figures.
 
     Args:
-        literature: scene, or scene_fold for stricter folds -> method -> figures.
+        literature: figures; a place is a scene, or scene_fold for stricter folds.
         published: rows of others.
         methods: labels and order.
     """
-    if not literature:
+    if literature.empty:
         return []
     tables = literature_tables(literature, published, methods)
     best = Section("Best of 20", [Text(_TWENTY), tables["literature_best"]])
@@ -54,67 +62,57 @@ def literature_section(
 
 
 def literature_tables(
-    literature: Mapping[str, Figures], published: Sequence[Published], methods: Methods
+    literature: pd.DataFrame, published: Sequence[Published], methods: Methods
 ) -> dict[str, Table]:
     """Tables by name: of one forecast, of the best of 20, and of modes where there are any."""
     header = ["errors in m", *(f"{scene} {word}" for scene in (MEAN, *SCENES) for word in ("ADE", "FDE"))]
+    one, best = ("ade_m", "fde_m"), ("best_ade_m", "best_fde_m")
     tables = {
-        "literature_one": Table(header, _rows(literature, _ONE, methods) + _quoted(published, 1)),
-        "literature_best": Table(header, _rows(literature, _BEST, methods) + _quoted(published, 20)),
+        "literature_one": Table(header, _ours(literature, one, methods) + _quoted(published, 1)),
+        "literature_best": Table(header, _ours(literature, best, methods) + _quoted(published, 20)),
     }
-    if modes := _probabilities(literature, methods):
-        tables["literature_modes"] = modes
+    if rows := _probabilities(literature, methods):
+        tables["literature_modes"] = Table(["method, scene", *_PROBABILITIES.values()], rows)
     return tables
 
 
-def strict_key(literature: Mapping[str, Figures], scene: str) -> str | None:
-    """Entry of a scene whose whole street or campus was left out; None where there is none."""
-    return next((key for key in literature if key.startswith(f"{scene}_")), None)
-
-
-def _rows(literature: Mapping[str, Figures], keys: tuple[str, str], methods: Methods) -> list[Row]:
+def _ours(literature: pd.DataFrame, figures: tuple[str, str], methods: Methods) -> list[Row]:
     """A row per method; a second one for networks under stricter folds, which differ at some scenes alone."""
-    names = methods.ordered({name for figures in literature.values() for name in figures})
+    usual = {scene: scene for scene in SCENES}
+    places = literature["place"].unique()
+    strict = {scene: next((p for p in places if p.startswith(f"{scene}_")), scene) for scene in SCENES}
     rows = []
-    for name in names:
-        usual = {scene: scene for scene in SCENES}
-        rows.append(_row(literature, name, methods[name].label, keys, usual))
-        stricter = {scene: strict_key(literature, scene) or scene for scene in SCENES}
-        if methods[name].learned and stricter != usual:
-            label = f"{methods[name].label}, street or campus left out"
-            rows.append(_row(literature, name, label, keys, stricter))
+    for name in methods.ordered(literature["method"]):
+        own = literature[(literature["method"] == name) & literature["figure"].isin(figures)]
+        own = own[own.groupby("place")["figure"].transform("size") == len(figures)]
+        label, learned = methods[name].label, methods[name].learned
+        rows.append(_row(own, figures, name, label, usual))
+        if learned and strict != usual:
+            rows.append(_row(own, figures, name, f"{label}, street or campus left out", strict))
     return [row for row in rows if any(cell.text != NOTHING for cell in row.cells[1:])]
 
 
 def _row(
-    literature: Mapping[str, Figures],
-    name: str,
-    label: str,
-    keys: tuple[str, str],
-    entries: Mapping[str, str],
+    own: pd.DataFrame, figures: tuple[str, str], name: str, label: str, places: Mapping[str, str]
 ) -> Row:
-    """Errors at all scenes, and their mean where there are all."""
-    cells, errors = list[Cell](), list[list[float]]()
-    for scene in SCENES:
-        metrics = literature.get(entries[scene], {}).get(name, {})
-        if not metrics.keys() >= set(keys):
-            cells += [Cell(NOTHING)] * len(keys)
-            continue
-        errors.append([float(metrics[key]) for key in keys])
-        for key, error in zip(keys, errors[-1], strict=True):
-            bounds, place = bounds_of(metrics, key), f"literature.{entries[scene]}.{name}.{key}"
-            cells.append(Cell(f"{error:.3f}", place, remark=f"95 % {interval(bounds)} m" if bounds else ""))
-    means = np.mean(errors, axis=0) if len(errors) == len(SCENES) else ()
-    first = [Cell(f"{mean:.3f}") for mean in means] or [Cell(NOTHING)] * len(keys)
-    return Row([Cell(label), *first, *cells], name)
+    """Errors of a method at the places that stand for the scenes, and their mean where there are all."""
+    cells = pivot(own, ["place", "figure"], places.values(), figures, _error_cell)
+    errors = own.pivot(index="place", columns="figure", values="value").reindex(places.values())
+    means = [errors[figure].to_numpy().mean() if figure in errors else np.nan for figure in figures]
+    first = [Cell(NOTHING if np.isnan(mean) else f"{mean:.3f}") for mean in means]
+    return Row([Cell(label), *first, *(cell for pair in cells for cell in pair)], name)
+
+
+def _error_cell(row: Any) -> Cell:
+    value, bounds = figure_of(row)
+    address = f"literature.{row.place}.{row.method}.{row.figure}"
+    return Cell(f"{value:.3f}", address, remark=f"95 % {interval(bounds)} m" if bounds else "")
 
 
 def _quoted(published: Sequence[Published], samples: int) -> list[Row]:
     """Rows of others with so many samples."""
     rows = []
-    for row in published:
-        if row["samples"] != samples:
-            continue
+    for row in (row for row in published if row["samples"] == samples):
         errors = dict(row["errors_m"])
         if set(SCENES) <= set(errors):
             errors[MEAN] = np.mean([errors[scene] for scene in SCENES], axis=0)
@@ -124,18 +122,19 @@ def _quoted(published: Sequence[Published], samples: int) -> list[Row]:
     return rows
 
 
-def _probabilities(literature: Mapping[str, Figures], methods: Methods) -> Table | None:
+def _probabilities(literature: pd.DataFrame, methods: Methods) -> list[Row]:
     """Most likely path, best of 1, 3 and 6 modes, NLL, energy score and collisions of methods with modes."""
-    keys = {
-        "most_likely_ade_m": "ADE of the most likely path [m]", "min_ade_m_k3": "minADE3 [m]",
-        "min_ade_m_k6": "minADE6 [m]", "nll": "NLL [nats]", "energy_score_m": "energy score [m]",
-        "collision_share": "collisions [%]",
-    }  # fmt: skip
+    whole = literature[literature["step"] == 0]
+    values = whole.pivot(index=["place", "method"], columns="figure", values="value")
+    needed = [*_PROBABILITIES, "best_ade_m"]
+    complete = values.reindex(columns=needed).dropna()
     rows = []
     for scene in SCENES:
-        for name, metrics in literature.get(scene, {}).items():
-            if metrics.keys() >= keys.keys() | {"best_ade_m"}:
-                scale = [100 if "share" in key else 1 for key in keys]
-                cells = [Cell(f"{s * metrics[key]:.3g}") for s, key in zip(scale, keys, strict=True)]
-                rows.append(Row([Cell(f"{methods[name].label}, {scene}"), *cells], name))
-    return Table(["method, scene", *keys.values()], rows) if rows else None
+        for name in literature.loc[literature["place"] == scene, "method"].unique():
+            if (scene, name) not in complete.index:
+                continue
+            figures = complete.loc[(scene, name)]
+            shown = [figures[key] * (100 if "share" in key else 1) for key in _PROBABILITIES]
+            label = f"{methods[name].label}, {scene}"
+            rows.append(Row([Cell(label), *(Cell(f"{value:.3g}") for value in shown)], name))
+    return rows

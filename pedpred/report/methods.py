@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_choice, check_mapping, check_ranges, parsed
+from pedpred.settings import Settings, check_choice, check_mapping, load
 
 ROLES = ("baseline", "oracle", "ablation", "network", "other")
 """baseline: simple and causal. oracle: knows the future goal. ablation: the network `of` without one of its
@@ -17,7 +17,7 @@ only, as is a method without a row."""
 
 
 @dataclass(frozen=True)
-class Method:
+class Method(Settings):
     """One row.
 
     Attributes:
@@ -35,7 +35,7 @@ class Method:
     of: str = ""
 
     def __post_init__(self) -> None:
-        check_ranges(self, {})
+        super().__post_init__()
         if not re.fullmatch("#[0-9A-Fa-f]{6}", self.colour):
             raise ValueRuleError("colour", self.colour, "it must be #RRGGBB")
         check_choice("role", self.role, ROLES)
@@ -88,7 +88,7 @@ class Methods:
         rows: dict[str, Method] = {}
         for key, row in plain.items():
             check_mapping(f"methods.{key}", row)
-            rows[key] = parsed(Method, {**row, "key": key}, f"methods.{key}")
+            rows[key] = load(Method, {**row, "key": key}, f"methods.{key}")
         return cls(tuple(rows.values()), rows.get(reference, Method(reference, reference)))
 
     def __iter__(self) -> Iterator[Method]:

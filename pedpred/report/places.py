@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
-from pedpred.report.gallery import Evaluated
-from pedpred.report.measures import Result
+import numpy as np
+import pandas as pd
+
+from pedpred.report.document import Block, Cell, Picture, Pictures, Row, Section, Table, Text
+from pedpred.report.gather import Evaluated
 from pedpred.report.methods import Method, Methods
+from pedpred.report.results import COLUMNS, Result
 from pedpred.report.sections import warnings
-from pedpred.report.tables import interval, metric_cell, metric_title
+from pedpred.report.tables import interval, metric_title, pivot, study_cell
 from pedpred.report.walls import (
     LEAST_SHARE,
-    best_simple,
-    gains,
     gains_figure,
     wall_caption,
     wall_figure,
@@ -30,30 +30,30 @@ TRAINED = {
 }
 """What the networks of a study have learned from, in a word and in words; another study has its name."""
 REAL, STAND_IN = "real places that it never saw", "simulated people in place of recordings"
+_RELATIVE = ("ratio", "named", "best", "base", "share")
 _LISTED = ("ade_m", "moving_ade_m", "standing_ade_m", "min_ade_m_k6", "nll", "obstacle_share")
 
-Studies = Mapping[str, Mapping[str, Result]]
-"""Results at real places: study -> place -> result."""
-Columns = Sequence[tuple[Method, Sequence[str]]]
-"""Methods with the studies that their figures may come from: one of a method with weights, any of others."""
+Studies = Mapping[str, Sequence[Result]]
+"""Results at real places by study."""
 
 
 def places_section(evaluated: Sequence[Evaluated], methods: Methods) -> Section:
     """Compare all studies of real places: errors, forecasts at walls, errors over the share of these."""
     real = [study for study in evaluated if study.kind == "real"]
-    studies = {
-        study.study: {result.name: result for result in study.results} for study in real if study.results
-    }
-    missing = {name: how for study in real for name, how in study.missing.items()}
+    measured = [study for study in real if study.results]
     stand_ins = {name: how for study in real for name, how in study.stand_ins.items()}
+    missing = {name: how for study in real for name, how in study.missing.items()}
     blocks: list[Block] = [*warnings([], missing, stand_ins)]
-    if studies:
-        told = (methods.main, *methods.networks[:-1])
-        said = [wins(studies, method, methods, bool(stand_ins)) for method in told]
+    if measured:
+        studies = {study.study: study.results for study in measured}
+        said = [
+            wins(studies, method, methods, bool(stand_ins))
+            for method in (methods.main, *methods.networks[:-1])
+        ]
         blocks += [Text(said[0], "sentence"), ratios_table(studies, methods)]
         blocks += [Text(words, "note") for words in said[1:]]
-        walls = wall_pictures(next(study for study in real if study.results), methods)
-        blocks += [Pictures(walls)] if walls else []
+        if walls := wall_pictures(measured[0], methods):
+            blocks.append(Pictures(walls))
         blocks.append(_gains(evaluated, methods))
         tables = [Section(metric_title(key), [places_table(studies, key, methods)]) for key in _LISTED]
         blocks.append(Section("Every place, with 95 % intervals", tables, folded=True))
@@ -61,15 +61,37 @@ def places_section(evaluated: Sequence[Evaluated], methods: Methods) -> Section:
     return Section(title, blocks, "places")
 
 
+def relative_errors(results: Iterable[Result], methods: Methods) -> pd.DataFrame:
+    """ADE of each method / that of the best simple one, at each place or in each scene of a pooled test set.
+
+    A place where the best simple method is exact, as on made-up straight lines, or where none was evaluated,
+    has no ratio and is left out.
+
+    Returns:
+        Rows of the table of results with the `ratio`, the `best` simple method, its ADE `base`, the `share`
+        of straight forecasts' points in obstacles, NaN if unknown, and `named`: its name is drawn.
+    """
+    rows = []
+    for result in results:
+        for figures in result.parts.values() if result.parts else [result.figures]:
+            best = figures.least(method.key for method in methods.simple)
+            straight = figures.get(methods.simple[0].key, "obstacle_share")
+            if best is None or not (base := figures.value(best)):
+                continue
+            errors = figures.frame[figures.frame["figure"] == "ade_m"]
+            known = {"best": best, "base": base, "share": straight.value if straight else np.nan}
+            rows.append(errors.assign(ratio=errors["value"] / base, named=not result.parts, **known))
+    return pd.concat(rows) if rows else pd.DataFrame(columns=[*COLUMNS, *_RELATIVE])
+
+
 def wins(studies: Studies, method: Method, methods: Methods, stand_ins: bool = False) -> str:
     """At how many places a method has a smaller ADE than the best simple method, and its range."""
     counts = []
     for study, results in studies.items():
-        ratios = [gain.ratio for gain in gains(results.values(), study, methods, method)]
-        if ratios:
-            won, span = sum(ratio < 1 for ratio in ratios), f"{min(ratios):.2f} to {max(ratios):.2f}"
-            trained = _trained(study, results.values())
-            counts.append(f"at {won} of {len(ratios)} when {trained} ({span} times its ADE)")
+        ratios = relative_errors(results, methods).query("method == @method.key")["ratio"]
+        if len(ratios):
+            span, how = f"{ratios.min():.2f} to {ratios.max():.2f}", trained(study, results)
+            counts.append(f"at {(ratios < 1).sum()} of {len(ratios)} when {how} ({span} times its ADE)")
     if not counts:
         return f"The {method.label} was evaluated at no real place."
     where = f"With {STAND_IN}" if stand_ins else f"At {REAL}"
@@ -82,117 +104,95 @@ def ratios_table(studies: Studies, methods: Methods) -> Table:
 
     The main method comes first; a simple one has a column if it is the best one somewhere.
     """
-    places = _figures(studies)
-    best = {name: key for name, figures in places.items() if (key := best_simple(figures, methods))}
-    columns = [
-        (method, any_of)
-        for method, any_of in _columns(studies, methods)
-        if method.learned or method.key in best.values()
-    ]
-    columns.sort(key=lambda column: -methods.rows.index(column[0]))
+    every = [result for results in studies.values() for result in results]
+    frame, columns = _by_column(relative_errors(every, methods), studies, methods)
+    best = frame.drop_duplicates("place").set_index("place")["best"]
+    shown = [c for c in columns if methods[c[0]].learned or c[0] in set(best)]
+    shown.sort(key=lambda column: -methods.rows.index(methods[column[0]]))
+
+    def ratio_cell(row: Any) -> Cell:
+        words = f"ADE {row.value:.3f} m, 95 % interval {interval((row.low, row.high))} m"
+        return Cell(f"{row.ratio:.2f}", remark=words, strong=row.ratio < 1)
+
+    cells = pivot(frame, ["place", "column"], best.index, shown, ratio_cell)
     rows = []
-    for name, key in best.items():
-        base, base_m = places[name][key], places[name][key]["ade_m"]
-        study = next(study for study, results in studies.items() if name in results)
-        cells = [Cell(name), metric_cell(f"{study}.{name}", key, "ade_m", base, shown=True)]
-        for method, any_of in columns:
-            _, metrics = _entry(studies, name, method, any_of)
-            if not metrics or not base_m:  # nothing relates to an exact forecast
-                cells.append(Cell(NOTHING))
-                continue
-            ratio = metrics["ade_m"] / base_m
-            words = f"ADE {metrics['ade_m']:.3f} m, 95 % interval {interval(metrics['ade_m_ci95'])} m"
-            cells.append(Cell(f"{ratio:.2f}", remark=words, strong=ratio < 1))
-        rows.append(Row(cells))
-    header = ["ADE / that of the best simple method", "best simple ADE [m]", *_titles(columns, studies)]
-    return Table(header, rows)
+    for place, ratios in zip(best.index, cells, strict=True):
+        ((base,),) = pivot(frame, ["place", "method"], [place], [best[place]], study_cell)
+        rows.append(Row([Cell(place), base, *ratios]))
+    header = ["ADE / that of the best simple method", "best simple ADE [m]"]
+    return Table([*header, *_titles(shown, studies, methods)], rows)
 
 
 def places_table(studies: Studies, key: str, methods: Methods) -> Table:
     """A metric of every method at every place; one with weights has a column for each study."""
-    columns = _columns(studies, methods)
-    rows = []
-    for name in _figures(studies):
-        cells = [Cell(name)]
-        for method, any_of in columns:
-            study, metrics = _entry(studies, name, method, any_of)
-            cells.append(metric_cell(f"{study}.{name}", method.key, key, metrics, shown=True))
-        rows.append(Row(cells))
-    return Table([metric_title(key), *_titles(columns, studies)], rows)
+    every = pd.concat([result.figures.frame for results in studies.values() for result in results])
+    frame, columns = _by_column(every[every["step"] == 0], studies, methods)
+    places = frame["place"].unique()
+    cells = pivot(frame[frame["figure"] == key], ["place", "column"], places, columns, study_cell)
+    rows = [Row([Cell(place), *own]) for place, own in zip(places, cells, strict=True)]
+    return Table([metric_title(key), *_titles(columns, studies, methods)], rows)
 
 
-def _figures(studies: Studies) -> dict[str, Mapping[str, Any]]:
-    """The figures of the first study that has a place, by place."""
-    figures: dict[str, Mapping[str, Any]] = {}
-    for results in studies.values():
-        figures |= {name: result.figures for name, result in results.items() if name not in figures}
-    return figures
+def _by_column(
+    frame: pd.DataFrame, studies: Studies, methods: Methods
+) -> tuple[pd.DataFrame, list[tuple[str, str]]]:
+    """Add the `column` of each figure: (method, study), the study only of one with weights; list them all."""
+    learned = {key: methods[key].learned for key in frame["method"].unique()}
+    pairs: Any = zip(frame["method"], frame["study"], strict=True)
+    own: Any = [(method, study if learned[method] else "") for method, study in pairs]
+    columns = [(m, s) for m in methods.ordered(learned) for s in (studies if learned[m] else [""])]
+    return frame.assign(column=own), columns
 
 
-def _columns(studies: Studies, methods: Methods) -> Columns:
-    keys = {key for results in studies.values() for result in results.values() for key in result.figures}
-    every: list[Sequence[str]] = [[study] for study in studies]
-    shown = [methods[key] for key in methods.ordered(keys)]
-    return [(m, any_of) for m in shown for any_of in (every if m.learned else [list(studies)])]
-
-
-def _titles(columns: Columns, studies: Studies) -> list[str]:
-    short = {
-        study: SHORT.get(_training(study, results.values()), study) for study, results in studies.items()
-    }
-    return [m.label + (f", {short[s[0]]}" if len(s) < len(studies) else "") for m, s in columns]
-
-
-def _entry(
-    studies: Studies, place: str, method: Method, any_of: Sequence[str]
-) -> tuple[str, Mapping[str, Any]]:
-    """The first study of a place with figures of a method, and these; empty ones if there is none."""
-    for study in any_of:
-        if place in studies[study] and method.key in studies[study][place].figures:
-            return study, studies[study][place].figures[method.key]
-    return "", {}
+def _titles(columns: Sequence[tuple[str, str]], studies: Studies, methods: Methods) -> list[str]:
+    short = {study: SHORT.get(_training(study, results), study) for study, results in studies.items()}
+    several = len(studies) > 1
+    return [methods[m].label + (f", {short[s]}" if s and several else "") for m, s in columns]
 
 
 def wall_pictures(evaluated: Evaluated, methods: Methods) -> list[Picture]:
     """Forecasts at the places where straight ones often meet walls."""
-    pictures = []
+    pictures, straight = [], methods.simple[0].key
     for result in evaluated.results:
-        straight = result.figures.get(methods.simple[0].key, {})
-        if not _drawn(evaluated, result.name, methods) or straight.get("obstacle_share", 0.0) < LEAST_SHARE:
+        share = result.figures.get(straight, "obstacle_share")
+        windows = evaluated.windows.get(result.name)
+        if windows is None or not {methods.main.key, straight} <= windows.predictions.keys():
             continue
-        scene, windows = evaluated.scene(result.name), evaluated.windows[result.name]
-        rows = wall_windows(windows, scene, methods)
-        trained = _trained(evaluated.study, evaluated.results)
-        caption = f"{wall_caption(scene, windows, methods)} Networks: {trained}."
-        figure = wall_figure(scene, windows, rows, methods)
+        if share is None or share.value < LEAST_SHARE:
+            continue
+        scene = evaluated.scene(result.name)
+        how = trained(evaluated.study, evaluated.results)
+        caption = f"{wall_caption(scene, windows, methods)} Networks: {how}."
+        figure = wall_figure(scene, windows, wall_windows(windows, scene, methods), methods)
         pictures.append(Picture(f"walls_{result.name}", caption, figure))
     return pictures
-
-
-def _drawn(evaluated: Evaluated, place: str, methods: Methods) -> bool:
-    """Whether the two methods of the pictures were evaluated at a place."""
-    windows = evaluated.windows.get(place)
-    return windows is not None and {methods.main.key, methods.simple[0].key} <= windows.predictions.keys()
 
 
 def _gains(evaluated: Sequence[Evaluated], methods: Methods) -> Pictures:
     """The picture of gains; none where nothing has a gain."""
     main, straight = methods.main, methods.simple[0]
-    gained = [
-        gain
+    errors = [
+        relative_errors(study.results, methods).assign(group=trained(study.study, study.results))
         for study in evaluated
-        for gain in gains(study.results, _trained(study.study, study.results), methods, main)
+        if study.results
     ]
-    gained = [gain for gain in gained if not math.isnan(gain.share)]
-    if not gained:
+    gains = pd.concat(errors).query("method == @main.key").dropna(subset="share")
+    if gains.empty:
         return Pictures([])
+    gains = gains.assign(low=gains["low"] / gains["base"], high=gains["high"] / gains["base"])
     where = STAND_IN if any(study.stand_ins for study in evaluated) else "real places"
     caption = (
         f"ADE of the {main.label} relative to the best simple method, over the share of {straight.label}'s "
         f"points in obstacles: {where} and single simulated rooms. Lines: 95 % interval of the "
         f"{main.label}'s ADE."
     )
-    return Pictures([Picture("walls", caption, gains_figure(gained, methods))])
+    return Pictures([Picture("walls", caption, gains_figure(gains, methods))])
+
+
+def trained(study: str, results: Iterable[Result]) -> str:
+    """What the networks of some results have learned from, in words."""
+    training = _training(study, results)
+    return TRAINED.get(training, training)
 
 
 def _training(study: str, results: Iterable[Result]) -> str:
@@ -202,8 +202,3 @@ def _training(study: str, results: Iterable[Result]) -> str:
     """
     real = [result for result in results if result.kind == "real"]
     return study if not real or any(result.fine_tuned for result in real) else "transfer"
-
-
-def _trained(study: str, results: Iterable[Result]) -> str:
-    training = _training(study, results)
-    return TRAINED.get(training, training)

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
+
+import pandas as pd
 
 from pedpred.report.document import NOTHING, Block, Cell, Picture, Pictures, Row, Section, Table, Text
 from pedpred.report.findings import Paper, better_than, in_the_noise, judge_expectations, sum_up
-from pedpred.report.measures import Figures, Result
 from pedpred.report.methods import Methods
+from pedpred.report.results import ADE_GAP, Figures, Result
 from pedpred.report.tables import (
     calibration_table,
     findings_table,
     further_table,
-    gap_cell,
     interval,
     metric_cell,
     metric_keys,
     metrics_table,
+    pivot,
     scenes_table,
 )
 
@@ -58,31 +60,30 @@ def warnings(
     if missing:
         left_out = f"Not available, hence neither trained on nor tested: {', '.join(missing)}."
         blocks.append(Text(f"**{left_out}**", "warning"))
-        blocks.append(
-            Table(["place", "recording"], [Row([Cell(n), Cell(how)]) for n, how in missing.items()])
-        )
+        rows = [Row([Cell(name), Cell(how)]) for name, how in missing.items()]
+        blocks.append(Table(["place", "recording"], rows))
     return blocks
 
 
 def answer(result: Result, methods: Methods) -> str:
     """One sentence: the error of the main method, and whether it is below the reference's."""
-    main, reference, start = methods.main, methods.reference, result.title
-    if main.key not in result.figures:
+    main, reference, figures, start = methods.main, methods.reference, result.figures, result.title
+    if main.key not in figures.methods:
         return f"{start}, the {main.label} was not evaluated."
-    metrics = result.figures[main.key]
-    horizon_s = len(metrics["per_step_m"]) * result.dt_s
+    error_m, horizon_s = figures.value(main.key), len(figures.over_steps("per_step_m")) * result.dt_s
     text = (
-        f"{start}, the {main.label} has an ADE of {metrics['ade_m']:.3f} m over "
-        f"{horizon_s:.0f} s (95 % interval {interval(metrics['ade_m_ci95'])} m; "
-        f"{metrics['windows']} windows of {metrics['tracks']} tracks)"
+        f"{start}, the {main.label} has an ADE of {error_m:.3f} m over "
+        f"{horizon_s:.0f} s (95 % interval {interval(figures.ade_bounds(main.key))} m; "
+        f"{figures.value(main.key, 'windows'):.0f} windows of {figures.value(main.key, 'tracks'):.0f} tracks)"
     )
-    if reference.key not in result.figures:
+    if reference.key not in figures.methods:
         return text + f"; the {reference.label} was not evaluated."
-    other_m = result.figures[reference.key]["ade_m"]
-    gain, than = better_than(metrics["ade_m"], other_m), f"the {reference.label}'s {other_m:.3f} m"
-    gap = gap_cell(result.name, main.key, metrics, methods)
-    words = "" if gap.text == NOTHING else f"difference {gap.text} m, interval {gap.bounds} m"
-    if in_the_noise(metrics):
+    other_m, gap = figures.value(reference.key), figures.get(main.key, ADE_GAP)
+    gain, than = better_than(error_m, other_m), f"the {reference.label}'s {other_m:.3f} m"
+    words = ""
+    if gap is not None and gap.bounds is not None and main != reference:
+        words = f"difference {gap.value:+.3f} m, interval {interval(gap.bounds, '+')} m"
+    if in_the_noise(figures, main.key):
         return f"{text}, not distinguishable from {than} ({gain}; {words})."
     return f"{text}, {gain} than {than}{f' ({words})' if words else ''}."
 
@@ -105,21 +106,19 @@ def parts_sections(results: Sequence[Result], methods: Methods) -> list[Section]
     """Single scenes of pooled test sets."""
     sections = []
     for result in (result for result in results if result.parts):
-        wins = below_in(list(result.parts.values()), methods)
-        sections.append(
-            Section("Single scenes", [Text(f"ADE, m. {wins}"), scenes_table(result, methods)], folded=True)
-        )
+        wins = Text(f"ADE, m. {below_in(result.parts.values(), methods)}")
+        sections.append(Section("Single scenes", [wins, scenes_table(result, methods)], folded=True))
     return sections
 
 
-def below_in(scenes: Sequence[Figures], methods: Methods) -> str:
+def below_in(scenes: Iterable[Figures], methods: Methods) -> str:
     """In how many scenes the ADE of the main method, and of networks with ablations, is below others'."""
-    main = methods.main
+    main, scenes = methods.main, list(scenes)
     pairs = [(main, other) for other in (methods.reference, *methods.networks) if other is not main]
     counts = []
     for one, other in [*pairs, *((whole, part) for part, whole in methods.ablations)]:
-        both = [figures for figures in scenes if {one.key, other.key} <= figures.keys()]
-        won = sum(figures[one.key]["ade_m"] < figures[other.key]["ade_m"] for figures in both)
+        both = [figures for figures in scenes if {one.key, other.key} <= set(figures.methods)]
+        won = sum(figures.value(one.key) < figures.value(other.key) for figures in both)
         if both:
             counts.append(f"{one.label} below {other.label} in {won} of {len(both)}")
     return f"{'; '.join(counts)}." if counts else ""
@@ -139,23 +138,26 @@ def calibration_section(
 def paper_section(results: Sequence[Result], methods: Methods, paper: Paper) -> list[Section]:
     """ADE of every method beside the paper's, test set by test set; nothing where it has no figures."""
     shown = [result for result in results if paper.errors_m(result)]
-    studies: dict[str, list[Result]] = {}
-    for result in shown:
-        studies.setdefault(result.study, []).append(result)
-    header = ["ADE [m]"]
-    for study, places in studies.items():
-        header += [f"paper, {study}", *(f"here, {result.name}" for result in places)]
-    rows = []
-    for name in methods.ordered({name for result in shown for name in result.figures}):
-        cells = [Cell(methods[name].label)]
-        for study, places in studies.items():
-            theirs = paper.ade_m[study].get(name)
-            cells.append(Cell(NOTHING if theirs is None else f"{theirs:.3f}"))
-            cells += [metric_cell(r.name, name, "ade_m", r.figures.get(name, {})) for r in places]
-        rows.append(Row(cells, name, name == methods.main.key))
+    if not shown:
+        return []
+    studies = list(dict.fromkeys(result.study for result in shown))
+    frame = pd.concat([result.figures.frame for result in shown])
+    names = methods.ordered(frame["method"])
+    header, columns = ["ADE [m]"], [[Cell(methods[name].label) for name in names]]
+    for study in studies:
+        places = [result.name for result in shown if result.study == study]
+        theirs = [paper.ade_m[study].get(name) for name in names]
+        header += [f"paper, {study}", *(f"here, {place}" for place in places)]
+        columns.append([Cell(NOTHING if error is None else f"{error:.3f}") for error in theirs])
+        ours = frame[(frame["study"] == study) & (frame["figure"] == "ade_m")]
+        columns += pivot(ours, ["place", "method"], places, names, metric_cell)
+    rows = [
+        Row(cells, name, name == methods.main.key)
+        for name, cells in zip(names, zip(*columns, strict=True), strict=True)
+    ]
     remarks = [Text(paper.remarks[study], "note") for study in studies if study in paper.remarks]
     remarks.append(Text("The paper's figures were measured on its own windows.", "note"))
-    return [Section("Beside the paper's table", [*remarks, Table(header, rows)], "paper")] if shown else []
+    return [Section("Beside the paper's table", [*remarks, Table(header, rows)], "paper")]
 
 
 def latency_section(updates: Sequence[Mapping[str, float]]) -> list[Section]:

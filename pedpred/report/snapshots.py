@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -15,16 +14,35 @@ from matplotlib.projections.polar import PolarAxes
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.report.canvas import FAINT, INK, OBSTACLE, blank, styled
 from pedpred.report.instants import Instant
-from pedpred.report.methods import Method, Methods
-from pedpred.report.plan import draw_ground, extent_around, obstacle_image, quarter_turns_of, turn_points
-from pedpred.report.situation import draw_situation, drawn_points, legend_handles
+from pedpred.report.methods import Methods
+from pedpred.report.scene_picture import camera_picture, legend_handles, scene_picture
 from pedpred.scenes import Scene
 
 _FREE = "#E9EEF3"
-_MARGIN_M = 2.0
-"""Ground shown around people and their paths in plans, m."""
-_PALE = 0.42
-"""Share of the camera picture's contrast that is kept, so that what is drawn on it stands out."""
+
+
+@styled
+def snapshot_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, methods: Methods) -> Figure:
+    """Draw the crowd from above, beside the camera's picture if there is one, and inputs about one person."""
+    camera, shown = scene.camera, (methods.main, methods.reference)
+    height = 6.0 if camera is None else 4.2
+    widths = [height, 0.55 * height]
+    if camera is not None:
+        rows, columns = camera.picture.shape[:2]
+        widths = [height * columns / rows, *widths]
+    figure = blank(sum(widths) + 0.3, height + 0.5)
+    layout = figure.add_gridspec(2, len(widths), width_ratios=widths)
+    if camera is not None:
+        camera_picture(figure.add_subplot(layout[:, 0]), scene, camera, instant, windows, shown)
+    scene_picture(figure.add_subplot(layout[:, -2]), scene, instant, windows, shown)
+    draw_grid(figure.add_subplot(layout[0, -1]), windows.grid(instant.focus), windows.grid_resolution_m)
+    polar = cast(PolarAxes, figure.add_subplot(layout[1, -1], projection="polar"))
+    draw_angular_grid(polar, windows.angular_grid_m[instant.focus], windows.max_range_m)
+    above = "" if camera is None else "; the same from above"
+    title = f"Scene {scene.name}{above}; right: the LSTM's inputs for person {instant.who}"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10)
+    figure.legend(handles=legend_handles(shown), loc="outside upper right", ncols=3)
+    return figure
 
 
 def grid_image(grid: np.ndarray) -> np.ndarray:
@@ -48,14 +66,9 @@ def draw_grid(axes: Axes, grid: np.ndarray, resolution_m: float) -> None:
     axes.spines[:].set(visible=True, color=FAINT)
 
 
-def angular_cell_edges(cells: int) -> np.ndarray:
-    """Edges of the angular cells (K), counter-clockwise from the heading, rad, as [K + 1]."""
-    return np.arange(cells + 1) * 2 * np.pi / cells
-
-
 def draw_angular_grid(axes: PolarAxes, distance_m: np.ndarray, range_m: float) -> None:
     """Draw the free range pale and the nearest person of each cone as a dark arc; the heading is up."""
-    edges = angular_cell_edges(len(distance_m))
+    edges = np.arange(len(distance_m) + 1) * 2 * np.pi / len(distance_m)
     middle, width = (edges[:-1] + edges[1:]) / 2, edges[1]
     seen = distance_m < range_m
     axes.set_theta_zero_location("N")
@@ -69,47 +82,3 @@ def draw_angular_grid(axes: PolarAxes, distance_m: np.ndarray, range_m: float) -
     axes.set_xticks(np.arange(4) * np.pi / 2, ["ahead", "left", "behind", "right"], fontsize=8)
     axes.grid(color=FAINT, linewidth=0.5)
     axes.spines["polar"].set_color(FAINT)
-
-
-@styled
-def snapshot_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, methods: Methods) -> Figure:
-    """Draw the crowd from above, beside the camera's picture if there is one, and inputs about one person."""
-    camera, shown = scene.camera, (methods.main, methods.reference)
-    height = 6.0 if camera is None else 4.2
-    widths = [height, 0.55 * height]
-    if camera is not None:
-        rows, columns = camera.picture.shape[:2]
-        widths = [height * columns / rows, *widths]
-    figure = blank(sum(widths) + 0.3, height + 0.5)
-    layout = figure.add_gridspec(2, len(widths), width_ratios=widths)
-    if camera is not None:
-        view, image = figure.add_subplot(layout[:, 0]), camera.homography.to_image
-        view.imshow(lighten(camera.picture), cmap="gray", vmin=0, vmax=255)
-        draw_situation(view, scene, windows, instant, shown, lambda points: image(points)[..., ::-1])
-        view.set(xticks=[], yticks=[], xlim=(-0.5, columns - 0.5), ylim=(rows - 0.5, -0.5))
-        view.spines[:].set_visible(False)
-    _draw_plan(figure.add_subplot(layout[:, -2]), scene, windows, instant, shown)
-    draw_grid(figure.add_subplot(layout[0, -1]), windows.grid(instant.focus), windows.grid_resolution_m)
-    polar = cast(PolarAxes, figure.add_subplot(layout[1, -1], projection="polar"))
-    draw_angular_grid(polar, windows.angular_grid_m[instant.focus], windows.max_range_m)
-    above = "" if camera is None else "; the same from above"
-    title = f"Scene {scene.name}{above}; right: the LSTM's inputs for person {instant.who}"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=10)
-    figure.legend(handles=legend_handles(shown), loc="outside upper right", ncols=3)
-    return figure
-
-
-def lighten(picture: np.ndarray) -> np.ndarray:
-    """Turn a colour picture into light grey in a few steps (small files): [rows, columns] uint8."""
-    grey = picture.astype(np.float64) @ [0.299, 0.587, 0.114]
-    return (255 - _PALE * (255 - np.round(grey / 12) * 12)).astype(np.uint8)
-
-
-def _draw_plan(
-    axes: Axes, scene: Scene, windows: EvaluationWindows, instant: Instant, shown: Sequence[Method]
-) -> None:
-    turns, rows = quarter_turns_of(scene.camera), instant.rows
-    people = drawn_points(windows, rows, shown)
-    _, whole = obstacle_image(scene.occupancy, turns)
-    draw_ground(axes, scene.occupancy, turns, extent_around(turn_points(people, turns), _MARGIN_M, whole))
-    draw_situation(axes, scene, windows, instant, shown, lambda points: turn_points(points, turns))

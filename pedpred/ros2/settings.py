@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_choice, check_ranges
 from pedpred.online import OnlineSettings
 from pedpred.ros.people import PEOPLE_FIELDS, parse_fields
 from pedpred.ros.tf import frame_name
 from pedpred.scenes.people import PERSON_CLASSES
+from pedpred.settings import check_choice, check_ranges
 from pedpred.tracking.tracks import LOST_AFTER_S
 
 _CHOICES: dict[str, Sequence[str]] = {

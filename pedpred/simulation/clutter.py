@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy import ndimage
 
-from pedpred.fields import Range, check_ranges
+from pedpred.settings import In, Range, Settings
 from pedpred.simulation.furniture import KINDS, columns, furniture, split_walls
 from pedpred.simulation.layouts import RESOLUTION_M, WALL_CELLS, Layout, covered
 from pedpred.simulation.shapes import Shape
 
 
 @dataclass(frozen=True)
-class ClutterSettings:
+class ClutterSettings(Settings):
     """Parameters of the room generator, which draws from the ranges. Shares lie in [0, 1].
 
     Attributes:
@@ -34,26 +35,20 @@ class ClutterSettings:
         attempts: number of placements tried per room.
     """
 
-    side_m: Range
-    partitions: tuple[int, int]
-    smallest_room_m: float
-    door_m: Range
-    second_door_share: float
-    wall_m: Range
-    column_share: float
-    column_radius_m: Range
-    column_spacing_m: Range
-    furniture_share: Range
-    turned_share: Range
-    scale: Range
-    clearance_m: float
-    attempts: int
-
-    def __post_init__(self) -> None:
-        lengths = ("side_m", "smallest_room_m", "door_m", "wall_m", "column_radius_m", "column_spacing_m")
-        shares = ("second_door_share", "column_share", "furniture_share", "turned_share")
-        check_ranges(self, dict.fromkeys((*lengths, "scale"), "(0, 1000]") | dict.fromkeys(shares, "[0, 1]"))
-        check_ranges(self, {"partitions": "[0, 100]", "clearance_m": "[0, 1000]", "attempts": "[0, 100000]"})
+    side_m: Annotated[Range, In("(0, 1000]")]
+    partitions: Annotated[tuple[int, int], In("[0, 100]")]
+    smallest_room_m: Annotated[float, In("(0, 1000]")]
+    door_m: Annotated[Range, In("(0, 1000]")]
+    second_door_share: Annotated[float, In("[0, 1]")]
+    wall_m: Annotated[Range, In("(0, 1000]")]
+    column_share: Annotated[float, In("[0, 1]")]
+    column_radius_m: Annotated[Range, In("(0, 1000]")]
+    column_spacing_m: Annotated[Range, In("(0, 1000]")]
+    furniture_share: Annotated[Range, In("[0, 1]")]
+    turned_share: Annotated[Range, In("[0, 1]")]
+    scale: Annotated[Range, In("(0, 1000]")]
+    clearance_m: Annotated[float, In("[0, 1000]")]
+    attempts: Annotated[int, In("[0, 100000]")]
 
 
 def draw_cluttered_room(settings: ClutterSettings, rng: np.random.Generator) -> Layout:

@@ -7,14 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 import pedpy
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import LARGEST_SEED, Range, check_ranges, positive
 from pedpred.scenes import Scene, Trajectories
+from pedpred.settings import (
+    LARGEST_SEED,
+    In,
+    Range,
+    Settings,
+    positive,
+)
 from pedpred.simulation.ground import ground_of
 from pedpred.simulation.layouts import Layout, draw_targets
 from pedpred.simulation.settings import SocialForceSettings
@@ -25,7 +32,7 @@ _LARGEST_SIDE_M = 200.0
 
 
 @dataclass(frozen=True)
-class FlowSettings:
+class FlowSettings(Settings):
     """Experiment in a corridor with a target region at each end.
 
     Attributes:
@@ -42,19 +49,19 @@ class FlowSettings:
     size_m: tuple[float, float]
     end_m: float
     measured_m: Range
-    people: tuple[int, ...]
-    settle_s: float
-    seconds: float
-    lane_m: float
-    seed: int
+    people: Annotated[tuple[int, ...], In("[1, 10000]")]
+    settle_s: Annotated[float, In("[0, 36000]")]
+    seconds: Annotated[float, In("(0, 36000]")]
+    lane_m: Annotated[float, In("(0, 100]")]
+    seed: Annotated[int, In(f"[0, {LARGEST_SEED}]")]
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not (positive("size_m", self.size_m, (2,)) <= _LARGEST_SIDE_M).all():
             raise ValueRuleError("size_m", self.size_m, f"a side may measure at most {_LARGEST_SIDE_M} m")
-        check_ranges(self, {"people": "[1, 10000]", "lane_m": "(0, 100]", "end_m": f"(0, {self.size_m[0]}]"})
-        check_ranges(self, {"settle_s": "[0, 36000]", "seconds": "(0, 36000]"})
-        check_ranges(self, {"seed": f"[0, {LARGEST_SEED}]"})
-        check_ranges(self, {"measured_m": f"[0, {self.size_m[0]}]"})
+        In(f"(0, {self.size_m[0]}]").check("end_m", self.end_m, "a number")
+        for end_m in self.measured_m:
+            In(f"[0, {self.size_m[0]}]").check("measured_m", end_m, "two rising numbers")
 
 
 def lane_order(lateral_m: np.ndarray, forward: np.ndarray, lane_m: float) -> float:

@@ -6,9 +6,11 @@ the driving term; tests compare the two.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+
+from pedpred.settings import In
 
 SMALLEST_AXIS_M = 1e-3  # lower bound of b and |r|: the gradient is undefined at the foci of the ellipse
 
@@ -32,29 +34,19 @@ class ForceSettings(NamedTuple):
         group_distance_m: d0, members closer than this repel each other.
     """
 
-    relaxation_time_s: float
-    speed_cap: float
-    pedestrian_strength: float
-    pedestrian_range_m: float
-    anticipation_s: float
-    border_strength: float
-    border_range_m: float
-    sight_cosine: float
-    unseen_weight: float
-    group_gaze: float
-    group_attraction: float
-    group_repulsion: float
-    group_distance_m: float
-
-
-_POSITIVE = ("relaxation_time_s", "speed_cap", "pedestrian_range_m", "border_range_m")
-FORCE_RANGES = {
-    **dict.fromkeys(ForceSettings._fields, "[0, 10000]"),
-    **dict.fromkeys(_POSITIVE, "(0, 100]"),
-    "sight_cosine": "[-1, 1]",
-    "unseen_weight": "[0, 1]",
-}
-"""Valid values of the fields of `ForceSettings`."""
+    relaxation_time_s: Annotated[float, In("(0, 100]")]
+    speed_cap: Annotated[float, In("(0, 100]")]
+    pedestrian_strength: Annotated[float, In("[0, 10000]")]
+    pedestrian_range_m: Annotated[float, In("(0, 100]")]
+    anticipation_s: Annotated[float, In("[0, 10000]")]
+    border_strength: Annotated[float, In("[0, 10000]")]
+    border_range_m: Annotated[float, In("(0, 100]")]
+    sight_cosine: Annotated[float, In("[-1, 1]")]
+    unseen_weight: Annotated[float, In("[0, 1]")]
+    group_gaze: Annotated[float, In("[0, 10000]")]
+    group_attraction: Annotated[float, In("[0, 10000]")]
+    group_repulsion: Annotated[float, In("[0, 10000]")]
+    group_distance_m: Annotated[float, In("[0, 10000]")]
 
 
 def ellipse_axis(offset: np.ndarray, stride: np.ndarray) -> np.ndarray:

@@ -10,11 +10,11 @@ import numpy as np
 from scipy import ndimage
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import parsed, positive
 from pedpred.scenes import OccupancyMap
+from pedpred.settings import load, positive
 from pedpred.simulation.ground import Ground
 from pedpred.simulation.settings import CrowdSettings
-from pedpred.simulation.shapes import Shape, kind_of, shape_from
+from pedpred.simulation.shapes import Shape, kind_of, shapes_from
 
 RESOLUTION_M = 0.1
 WALL_CELLS = 3  # thickness of the outer walls
@@ -32,8 +32,8 @@ class Layout:
     """
 
     size_m: Sequence[float]
-    shapes: Sequence[Shape] = field(default=(), metadata={"each": shape_from})
-    target_regions: Sequence[Shape] = field(default=(), metadata={"each": shape_from})
+    shapes: Sequence[Shape] = field(default=(), metadata={"parse": shapes_from})
+    target_regions: Sequence[Shape] = field(default=(), metadata={"parse": shapes_from})
 
     def __post_init__(self) -> None:
         sides = positive("size_m", self.size_m, (2,))
@@ -75,7 +75,7 @@ def layout_from(plain: Any, path: str) -> Layout:
     Raises:
         ValueRuleError: a field is unknown, missing or breaks its rule, or a shape covers no cell of the room.
     """
-    layout: Layout = parsed(Layout, plain, path)
+    layout: Layout = load(Layout, plain, path)
     room = layout.empty()
     for name in ("shapes", "target_regions"):
         for n, shape in enumerate(getattr(layout, name)):

@@ -9,20 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import LARGEST_SEED, check_ranges
 from pedpred.scenes import Scene, Trajectories
+from pedpred.settings import (
+    LARGEST_SEED,
+    In,
+    Settings,
+)
 
 InView = Callable[[np.ndarray], np.ndarray]
 """Whether points (world frame, m, [M, 2]) are seen. [M] bool"""
 
 
 @dataclass(frozen=True)
-class SensorSettings:
+class SensorSettings(Settings):
     """Rate and faults of a sensor; the defaults are a perfect one.
 
     Attributes:
@@ -41,21 +45,19 @@ class SensorSettings:
         seed: of the faults.
     """
 
-    rate_hz: float = 0.0
+    rate_hz: Annotated[float, In("[0, 1000]")] = 0.0
     own_clock: bool = False
-    jitter_s: float = 0.0
-    late_s: float = 0.0
-    position_noise_m: float = 0.0
-    quantum_m: float = 0.0
-    drop_out_share: float = 0.0
-    switch_share: float = 0.0
-    switch_range_m: float = 0.8
-    seed: int = 0
+    jitter_s: Annotated[float, In("[0, 1000]")] = 0.0
+    late_s: Annotated[float, In("[0, 1000]")] = 0.0
+    position_noise_m: Annotated[float, In("[0, 1000]")] = 0.0
+    quantum_m: Annotated[float, In("[0, 1000]")] = 0.0
+    drop_out_share: Annotated[float, In("[0, 1)")] = 0.0
+    switch_share: Annotated[float, In("[0, 1]")] = 0.0
+    switch_range_m: Annotated[float, In("[0, 1000]")] = 0.8
+    seed: Annotated[int, In(f"[0, {LARGEST_SEED}]")] = 0
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"drop_out_share": "[0, 1)", "switch_share": "[0, 1]"})
-        names = ("rate_hz", "jitter_s", "late_s", "position_noise_m", "quantum_m", "switch_range_m")
-        check_ranges(self, dict.fromkeys(names, "[0, 1000]") | {"seed": f"[0, {LARGEST_SEED}]"})
+        super().__post_init__()
         if self.own_clock and not self.rate_hz:
             raise ValueRuleError("rate_hz", self.rate_hz, "a sensor with its own clock needs a rate")
         for name in ("jitter_s", "late_s"):

@@ -5,19 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import LARGEST_SEED, Range, check_ranges, parsed, parsed_together
-from pedpred.simulation.forces import FORCE_RANGES, ForceSettings
+from pedpred.settings import (
+    LARGEST_SEED,
+    In,
+    Range,
+    Settings,
+    check_fields,
+    load,
+    load_together,
+)
+from pedpred.simulation.forces import ForceSettings
 
 _NARROWEST = 0.1
 """Least width of the range of speeds, in deviations: at least 2 % of the draws lie in it."""
 
 
 @dataclass(frozen=True)
-class RoutingSettings:
+class RoutingSettings(Settings):
     """How routes trade length against clearance.
 
     Attributes:
@@ -28,20 +35,19 @@ class RoutingSettings:
             across narrow passages instead of along them.
     """
 
-    resolution_m: float
-    narrow_m: float
-    comfortable_m: float
-    slowest: float
+    resolution_m: Annotated[float, In("(0, 100]")]
+    narrow_m: Annotated[float, In("(0, 100]")]
+    comfortable_m: Annotated[float, In("(0, 100]")]
+    slowest: Annotated[float, In("(0, 1]")]
 
     def __post_init__(self) -> None:
-        lengths = ("resolution_m", "narrow_m", "comfortable_m")
-        check_ranges(self, dict.fromkeys(lengths, "(0, 100]") | {"slowest": "(0, 1]"})
+        super().__post_init__()
         if not self.narrow_m < self.comfortable_m:
             raise ValueRuleError("narrow_m", self.narrow_m, "it must be less than comfortable_m")
 
 
 @dataclass(frozen=True)
-class CrowdSettings:
+class CrowdSettings(Settings):
     """Desired speeds, targets and distances of a crowd.
 
     Attributes:
@@ -56,21 +62,18 @@ class CrowdSettings:
         spacing_m: least distance between two starting positions.
     """
 
-    mean_speed_mps: float
-    speed_deviation_mps: float
-    speed_range_mps: Range
-    targets: int
-    target_spacing_m: float
-    least_leg_m: float
-    reach_m: float
-    clearance_m: float
-    spacing_m: float
+    mean_speed_mps: Annotated[float, In("(0, 10]")]
+    speed_deviation_mps: Annotated[float, In("(0, 10]")]
+    speed_range_mps: Annotated[Range, In("(0, 10]")]
+    targets: Annotated[int, In("[2, 1000]")]
+    target_spacing_m: Annotated[float, In("[0, 1000]")]
+    least_leg_m: Annotated[float, In("[0, 1000]")]
+    reach_m: Annotated[float, In("(0, 10]")]
+    clearance_m: Annotated[float, In("[0, 1000]")]
+    spacing_m: Annotated[float, In("[0, 1000]")]
 
     def __post_init__(self) -> None:
-        names = ("mean_speed_mps", "speed_deviation_mps", "speed_range_mps", "reach_m")
-        check_ranges(self, dict.fromkeys(names, "(0, 10]"))
-        names = ("target_spacing_m", "least_leg_m", "clearance_m", "spacing_m")
-        check_ranges(self, dict.fromkeys(names, "[0, 1000]") | {"targets": "[2, 1000]"})
+        super().__post_init__()
         if not self.speed_range_mps[0] <= self.mean_speed_mps <= self.speed_range_mps[1]:
             raise ValueRuleError("speed_range_mps", self.speed_range_mps, "it must contain mean_speed_mps")
         if self.speed_range_mps[1] - self.speed_range_mps[0] < _NARROWEST * self.speed_deviation_mps:
@@ -79,7 +82,7 @@ class CrowdSettings:
 
 
 @dataclass(frozen=True)
-class ClockSettings:
+class ClockSettings(Settings):
     """Time steps.
 
     Attributes:
@@ -90,15 +93,14 @@ class ClockSettings:
         noise_hold_s: duration of one random acceleration; a multiple of `step_s`.
     """
 
-    step_s: float
-    record_s: float
-    warm_up_s: float
-    noise_mps2: float
-    noise_hold_s: float
+    step_s: Annotated[float, In("[0.001, 0.1]")]
+    record_s: Annotated[float, In("(0, 60]")]
+    warm_up_s: Annotated[float, In("[0, 3600]")]
+    noise_mps2: Annotated[float, In("[0, 100]")]
+    noise_hold_s: Annotated[float, In("(0, 60]")]
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"step_s": "[0.001, 0.1]", "warm_up_s": "[0, 3600]", "noise_mps2": "[0, 100]"})
-        check_ranges(self, {"record_s": "(0, 60]", "noise_hold_s": "(0, 60]"})
+        super().__post_init__()
         for name in ("record_s", "noise_hold_s"):
             value = getattr(self, name)
             if round(value / self.step_s) < 1 or abs(value / self.step_s - round(value / self.step_s)) > 1e-6:
@@ -123,13 +125,13 @@ class SocialForceSettings:
     """Parameters of the simulator and of the social-force forecasters."""
 
     forces: ForceSettings = field(metadata={"parse": _forces})
-    routing: RoutingSettings = field(metadata={"parse": partial(parsed, RoutingSettings)})
-    crowd: CrowdSettings = field(metadata={"parse": partial(parsed, CrowdSettings)})
-    clock: ClockSettings = field(metadata={"parse": partial(parsed, ClockSettings)})
+    routing: RoutingSettings
+    crowd: CrowdSettings
+    clock: ClockSettings
 
     def __post_init__(self) -> None:
         try:
-            check_ranges(self.forces, FORCE_RANGES)
+            check_fields(self.forces)
         except ValueRuleError as cause:
             raise ValueRuleError(f"forces.{cause.field}", cause.value, cause.rule) from cause
         if (time_s := self.forces.relaxation_time_s) < self.clock.step_s:
@@ -143,11 +145,11 @@ def social_force_settings(plain: Mapping[str, Any]) -> SocialForceSettings:
     Raises:
         ValueRuleError: a field is missing or unknown, or breaks its rule.
     """
-    return parsed(SocialForceSettings, plain)
+    return load(SocialForceSettings, plain)
 
 
 @dataclass(frozen=True)
-class SetUse:
+class SetUse(Settings):
     """How a set of scenes is seen and learned from, in terms of named rows of settings.
 
     Attributes:
@@ -161,15 +163,12 @@ class SetUse:
     social_force: str
     tracker: str
     sensor: str
-    phase_offsets: int
+    phase_offsets: Annotated[int, In("[1, 100]")]
     variants: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"phase_offsets": "[1, 100]"})
 
 
 @dataclass(frozen=True)
-class SimulationSettings:
+class SimulationSettings(Settings):
     """A simulated data set.
 
     Attributes:
@@ -181,14 +180,13 @@ class SimulationSettings:
     """
 
     drawn: tuple[str, ...]
-    generated: int
-    pedestrians: int
-    hours: float
-    seed: int
+    generated: Annotated[int, In("[0, 100000]")]
+    pedestrians: Annotated[int, In("[1, 10000]")]
+    hours: Annotated[float, In("(0, 100000]")]
+    seed: Annotated[int, In(f"[0, {LARGEST_SEED}]")]
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"generated": "[0, 100000]", "seed": f"[0, {LARGEST_SEED}]"})
-        check_ranges(self, {"pedestrians": "[1, 10000]", "hours": "(0, 100000]"})
+        super().__post_init__()
         if not self.rooms:
             raise ValueRuleError("drawn", self.drawn, "name a layout or set 'generated' above 0")
         if len(set(self.rooms)) < len(self.rooms):
@@ -201,7 +199,7 @@ class SimulationSettings:
         Raises:
             ValueRuleError: a field is missing or unknown, or breaks its rule.
         """
-        settings: SimulationSettings = parsed_together([cls, SetUse], row)[0]
+        settings: SimulationSettings = load_together([cls, SetUse], row)[0]
         return settings
 
     @property

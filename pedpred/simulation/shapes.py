@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import finite, parsed, positive
 from pedpred.geometry import rotate
+from pedpred.settings import finite, load, positive
 
 Point = Sequence[float]
 
@@ -127,7 +126,7 @@ class Wall:
     start: Point
     end: Point
     thickness_m: float
-    doors: Sequence[Door] = field(default=(), metadata={"each": partial(parsed, Door)})
+    doors: Sequence[Door] = ()
 
     def __post_init__(self) -> None:
         finite("start", self.start, (2,))
@@ -178,7 +177,14 @@ def shape_from(plain: Any, path: str) -> Shape:
     kinds = list(plain) if isinstance(plain, Mapping) else []
     if len(kinds) != 1 or kinds[0] not in SHAPES:
         raise ValueRuleError(path, plain, f"write one of {', '.join(SHAPES)} with its fields")
-    return parsed(SHAPES[kinds[0]], plain[kinds[0]], f"{path}.{kinds[0]}")
+    return load(SHAPES[kinds[0]], plain[kinds[0]], f"{path}.{kinds[0]}")
+
+
+def shapes_from(plain: Any, path: str) -> tuple[Shape, ...]:
+    """Parse a list of shapes, see `shape_from`."""
+    if not isinstance(plain, Sequence) or isinstance(plain, str):
+        raise ValueRuleError(path, plain, "a list is needed")
+    return tuple(shape_from(entry, f"{path}[{number}]") for number, entry in enumerate(plain))
 
 
 def kind_of(shape: Shape) -> str:

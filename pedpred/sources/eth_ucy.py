@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.errors import InputError
-from pedpred.fields import parsed
 from pedpred.files import translate_errors
 from pedpred.scenes import Scene, Trajectories
+from pedpred.settings import load
 from pedpred.sources.ewap import EwapSettings, free_ground, read_annotations
 
 COLUMNS = ("frame", "id", "x", "y")
@@ -47,7 +47,7 @@ def read_text(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
         InputError: the file is missing or wrong; it names line and value.
         ValueRuleError: a setting is out of range.
     """
-    how: EthUcySettings = parsed(EthUcySettings, settings)
+    how: EthUcySettings = load(EthUcySettings, settings)
     path = folder / f"{how.recording}.txt"
     rows = read_annotations(path, COLUMNS, ("x", "y"))
     with translate_errors(partial(InputError, path, None)):

@@ -17,17 +17,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from pedpred.errors import InputError, ValueRuleError
-from pedpred.fields import check_ranges, parsed
 from pedpred.files import check_input, read_picture, translate_errors
 from pedpred.geometry import Homography
 from pedpred.reading.errors import ContentError, add_path
 from pedpred.reading.text import BLANKS, TextForm, finite_numbers, read_columns, read_lines, whole_numbers
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
+from pedpred.settings import In, Settings, load
 
 COLUMNS = ("frame", "id", "pos_x", "pos_z", "pos_y", "v_x", "v_z", "v_y")
 ALONE = -1
@@ -48,7 +48,7 @@ class Annotations:
 
 
 @dataclass(frozen=True)
-class EwapSettings:
+class EwapSettings(Settings):
     """What the files of a sequence do not say.
 
     Attributes:
@@ -58,14 +58,10 @@ class EwapSettings:
         margin_m: free ground kept around all annotations and obstacles.
     """
 
-    frame_rate_hz: float
-    annotation_frames: int
-    resolution_m: float
-    margin_m: float
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"frame_rate_hz": "[0.001, 1e6]", "annotation_frames": "[1, 1000000]"})
-        check_ranges(self, {"resolution_m": "[0.001, 100]", "margin_m": "[0, 1000]"})
+    frame_rate_hz: Annotated[float, In("[0.001, 1e6]")]
+    annotation_frames: Annotated[int, In("[1, 1000000]")]
+    resolution_m: Annotated[float, In("[0.001, 100]")]
+    margin_m: Annotated[float, In("[0, 1000]")]
 
 
 def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
@@ -80,7 +76,7 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
         InputError: a file is missing or wrong; it names file, line and value.
         ValueRuleError: a setting is out of range.
     """
-    how: EwapSettings = parsed(EwapSettings, settings)
+    how: EwapSettings = load(EwapSettings, settings)
     homography = _read_homography(folder / "H.txt")
     blocked = _read_image(folder / "map.png", "L") > _BRIGHTEST_FREE
     camera = _read_camera(folder, homography, blocked.shape)
@@ -121,7 +117,7 @@ def read_annotations(path: Path, titles: Sequence[str], axes: tuple[str, str]) -
         axes: titles of the columns of x and y.
 
     Raises:
-        InputError: the file is missing, empty or wrong, or somebody is in a frame twice; it names the line.
+        InputError: the file is missing, empty or wrong, or a person is in a frame twice; it names the line.
     """
     check_input(path)
     with add_path(path):
@@ -136,10 +132,10 @@ def read_annotations(path: Path, titles: Sequence[str], axes: tuple[str, str]) -
 
 
 def _check_unique(frame: np.ndarray, track_id: np.ndarray) -> None:
-    """Check that nobody is in a frame twice.
+    """Check that each person is in a frame at most once.
 
     Raises:
-        ContentError: somebody is; it names both lines.
+        ContentError: a person is there twice; it names both lines.
     """
     order = np.lexsort((track_id, frame))  # stable: of equal rows the earlier line comes first
     again = np.flatnonzero((np.diff(frame[order]) == 0) & (np.diff(track_id[order]) == 0))

@@ -15,10 +15,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pedpred.errors import InputError
-from pedpred.fields import check_ranges, finite, parsed
 from pedpred.files import check_input, translate_errors
 from pedpred.reading import table
 from pedpred.reading.errors import add_path
@@ -26,12 +25,13 @@ from pedpred.reading.geometry import occupancy_of, read_walls
 from pedpred.reading.options import FASTEST_HZ, SLOWEST_HZ, ReadOptions
 from pedpred.reading.tracks import to_tracks
 from pedpred.scenes import Scene, Trajectories
+from pedpred.settings import In, Settings, finite, load
 
 COLUMNS = ("id", "frame", "x", "y")
 
 
 @dataclass(frozen=True)
-class LaboratorySettings:
+class LaboratorySettings(Settings):
     """What the files of a recording do not say.
 
     Attributes:
@@ -44,17 +44,14 @@ class LaboratorySettings:
     """
 
     recording: str
-    resolution_m: float
-    thickness_m: float
+    resolution_m: Annotated[float, In("[0.001, 100]")]
+    thickness_m: Annotated[float, In("(0, 1000]")]
     open_ends: Sequence[Sequence[Sequence[float]]] = ()
-    open_end_m: float = 0.0
-    frame_rate_hz: float | None = None
+    open_end_m: Annotated[float, In("[0, 1000]")] = 0.0
+    frame_rate_hz: Annotated[float, In(f"[{SLOWEST_HZ}, {FASTEST_HZ}]")] | None = None
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"resolution_m": "[0.001, 100]", "thickness_m": "(0, 1000]"})
-        check_ranges(self, {"open_end_m": "[0, 1000]"})
-        if self.frame_rate_hz is not None:
-            check_ranges(self, {"frame_rate_hz": f"[{SLOWEST_HZ}, {FASTEST_HZ}]"})
+        super().__post_init__()
         if self.open_ends != ():
             finite("open_ends", self.open_ends, (None, 2, 2))
 
@@ -71,7 +68,7 @@ def read_laboratory(folder: Path, name: str, settings: Mapping[str, Any]) -> Sce
         InputError: a file is missing or wrong; it names file, line and value.
         ValueRuleError: a setting is out of range.
     """
-    how: LaboratorySettings = parsed(LaboratorySettings, settings)
+    how: LaboratorySettings = load(LaboratorySettings, settings)
     path = folder / f"{how.recording}.txt"
     walls = read_walls(path.with_suffix(".xml"))
     with translate_errors(partial(InputError, path.with_suffix(".xml"), None)):

@@ -3,7 +3,7 @@
 A mirror is a folder or a tar archive, on this machine or at an https address. Its files are copied beside the
 target, compared with the SHA-256 sums of the data set, and moved into place when all are there.
 
-A folder may hold archives as downloaded beside, or in place of, the files. Files that nobody has are no
+A folder may hold archives as downloaded beside, or in place of, the files. Files that no mirror has are no
 failure: a note takes their place, and the places that need them become scenes without people. Files that are
 not what they must be are one.
 """
@@ -24,10 +24,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from http.client import HTTPException
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Annotated, Any
 
 from pedpred.errors import FetchError, ValueRuleError
-from pedpred.fields import check_mapping, check_ranges, parsed
+from pedpred.settings import In, Settings, check_mapping, load
 from pedpred.sources.archives import unpack_members
 
 _SCHEMES = ("https://", "file://")
@@ -40,7 +40,7 @@ NOTE = "UNAVAILABLE.txt"
 
 
 @dataclass(frozen=True)
-class Mirrors:
+class Mirrors(Settings):
     """Where the files of a data set are, and what they must be.
 
     Attributes:
@@ -56,13 +56,13 @@ class Mirrors:
     data_set: str
     folders: tuple[str, ...]
     archives: tuple[str, ...]
-    timeout_s: float
+    timeout_s: Annotated[float, In("(0, 3600]")]
     sha256sums: tuple[str, ...]
     optional: tuple[str, ...] = ()
     inside: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"timeout_s": "(0, 3600]"})
+        super().__post_init__()
         for line in self.sha256sums:
             if len(line.split(maxsplit=1)) != 2:
                 raise ValueRuleError("sha256sums", line, "a line holds a sum and the path of a file")
@@ -82,7 +82,7 @@ class Mirrors:
         check_mapping(data_set, plain)
         if "data_set" in plain:
             raise ValueRuleError("data_set", plain["data_set"], "it is the name of the row: omit it")
-        return parsed(cls, {"data_set": data_set, **plain})
+        return load(cls, {"data_set": data_set, **plain})
 
     @cached_property
     def sums(self) -> dict[str, str]:
@@ -112,10 +112,10 @@ class Mirrors:
 
 
 def provide(mirrors: Mirrors, target: Path) -> None:
-    """Do as `fetch`, but if nobody has all files, leave a note in each of their folders in `target` instead.
+    """Fetch the files; if no mirror has them all, leave a note in each of their folders in `target`.
 
     Raises:
-        FetchError: somebody has a file that is not what it must be.
+        FetchError: a mirror has a file whose content differs.
     """
     try:
         fetch(mirrors, target)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from pedpred.errors import InputError, ValueRuleError
-from pedpred.fields import parsed
 from pedpred.reading import table
 from pedpred.reading.checks import check_interval
 from pedpred.reading.errors import add_path
@@ -17,13 +16,14 @@ from pedpred.reading.names import TrackNames
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.tracks import to_tracks
 from pedpred.scenes import Scene
+from pedpred.settings import load
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.tracks import TRACK_COLUMNS
 
 
 @dataclass(frozen=True)
 class FolderSettings:
-    """A scene folder says everything itself."""
+    """None: a scene folder contains everything."""
 
 
 def read_own(folder: Path, names: TrackNames | None = None) -> Scene:
@@ -31,7 +31,7 @@ def read_own(folder: Path, names: TrackNames | None = None) -> Scene:
 
     Args:
         folder: the folder.
-        names: takes those of tracks whose ids are words.
+        names: to be filled with the names of tracks whose ids are words.
 
     Raises:
         InputError: a file is missing or cannot be understood, or both tables are there; it names the file.
@@ -63,9 +63,9 @@ def read_folder(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
         InputError: the times are not seconds.
         ValueRuleError: there are settings.
     """
-    parsed(FolderSettings, settings)
+    load(FolderSettings, settings)
     scene = read_own(folder)
-    with suppress(ValueRuleError):  # nobody was detected twice
+    with suppress(ValueRuleError):  # no track has two detections
         dt_s = scene.trajectories.usual_interval_s()
         with add_path(folder):
             check_interval(dt_s)

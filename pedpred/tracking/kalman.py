@@ -8,15 +8,16 @@ Bar-Shalom, Li & Kirubarajan 2001, Estimation with Applications to Tracking and 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from pedpred.errors import ValueRuleError
+from pedpred.settings import In, Settings
 from pedpred.tracking.spacing import SPACING_S
 
 
 @dataclass(frozen=True)
-class KalmanSettings:
+class KalmanSettings(Settings):
     """Tracker parameters of one source.
 
     Attributes:
@@ -25,14 +26,9 @@ class KalmanSettings:
         initial_speed_mps: standard deviation of a velocity component at the start of a track, m/s.
     """
 
-    acceleration_noise: float
-    position_noise_m: float
-    initial_speed_mps: float = 1.0
-
-    def __post_init__(self) -> None:
-        for field in ("acceleration_noise", "position_noise_m", "initial_speed_mps"):
-            if not 0 < getattr(self, field) < np.inf:
-                raise ValueRuleError(field, getattr(self, field), "it must be positive")
+    acceleration_noise: Annotated[float, In("(0, 1e9]")]
+    position_noise_m: Annotated[float, In("(0, 1e9]")]
+    initial_speed_mps: Annotated[float, In("(0, 1e9]")] = 1.0
 
 
 @dataclass(frozen=True)

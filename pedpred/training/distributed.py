@@ -11,14 +11,15 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from typing import Annotated
 
 import torch
 import torch.distributed as dist
 from torch import Tensor
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_choice, check_ranges
 from pedpred.models.contract import Tensors
+from pedpred.settings import In, Settings, check_choice
 
 _LOG = logging.getLogger(__name__)
 DEVICES = ("auto", "cpu", "cuda")
@@ -27,17 +28,14 @@ _ENVIRONMENT = {"RANK": 0, "WORLD_SIZE": 1, "LOCAL_RANK": 0}  # set by torchrun;
 
 
 @dataclass(frozen=True, kw_only=True)
-class ThreadSettings:
+class ThreadSettings(Settings):
     """How many threads compute.
 
     Attributes:
         threads: of torch; weights depend on their number.
     """
 
-    threads: int
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"threads": "[1, 1024]"})
+    threads: Annotated[int, In("[1, 1024]")]
 
 
 @dataclass(frozen=True, kw_only=True)

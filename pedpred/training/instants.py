@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import torch
@@ -13,10 +13,10 @@ from torch.nn.utils import clip_grad_norm_
 
 from pedpred.datasets.rows import TrainingRows, load_instants, select_held_out
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_ranges, parsed
 from pedpred.models.contract import ForecastNetwork, Loss
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.mixture.masking import InputMasking, mask
+from pedpred.settings import In, Settings
 from pedpred.training.distributed import ALONE, DistributedContext
 from pedpred.training.loop import Learner
 from pedpred.training.schedule import FitSettings
@@ -36,16 +36,13 @@ class InstantSettings(FitSettings):
         masking: see there.
     """
 
-    rows: int
-    shares: Mapping[str, float]
-    validation_share: float
-    masking: InputMasking = field(
-        default_factory=InputMasking, metadata={"parse": partial(parsed, InputMasking)}
-    )
+    rows: Annotated[int, In("[1, 1000000]")]
+    shares: Mapping[str, Annotated[float, In("[0, 1e6]")]]
+    validation_share: Annotated[float, In("[0, 1)")]
+    masking: InputMasking = field(default_factory=InputMasking)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_ranges(self, {"rows": "[1, 1000000]", "validation_share": "[0, 1)", "shares": "[0, 1e6]"})
         if not sum(self.shares.values()) > 0:
             raise ValueRuleError("shares", dict(self.shares), "one of them must be positive")
 
@@ -61,17 +58,14 @@ class InstantSettings(FitSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RealShare:
+class RealShare(Settings):
     """How much of the rows of an adaptation is real.
 
     Attributes:
         real_share: share of the rows that real sets divide equally.
     """
 
-    real_share: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"real_share": "[0, 1]"})
+    real_share: Annotated[float, In("[0, 1]")] = 0.0
 
 
 def mix_shares(simulated: Mapping[str, float], real: Sequence[str], real_share: float) -> dict[str, float]:

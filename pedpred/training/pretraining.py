@@ -5,15 +5,16 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import torch
 from torch.nn.utils import clip_grad_norm_
 
-from pedpred.fields import check_ranges
 from pedpred.models.contract import Loss
 from pedpred.models.lstm.autoencoder import GridAutoencoder, intersection_over_union, reconstruction_loss
 from pedpred.models.lstm.encoding import CROPS_AT_ONCE, float_crops
+from pedpred.settings import In
 from pedpred.training.loop import Learner
 from pedpred.training.schedule import Schedule
 
@@ -29,14 +30,10 @@ class AutoencoderSettings(Schedule):
         tied: the decoder uses the encoder's weights.
     """
 
-    latent: int
-    batch: int
-    clip_norm: float
+    latent: Annotated[int, In("[1, 100000]")]
+    batch: Annotated[int, In("[1, 1000000]")]
+    clip_norm: Annotated[float, In("(0, 1e6]")]
     tied: bool = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_ranges(self, {"latent": "[1, 100000]", "batch": "[1, 1000000]", "clip_norm": "(0, 1e6]"})
 
 
 class AutoencoderLearner(Learner):

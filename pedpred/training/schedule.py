@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
-from pedpred.fields import LARGEST_SEED, check_ranges
+from pedpred.settings import LARGEST_SEED, In, Settings
 
 _MOST_STEPS = 10**9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Schedule:
+class Schedule(Settings):
     """How long and how fast a network is trained; the settings of every kind of training extend it.
 
     Attributes:
@@ -22,16 +23,11 @@ class Schedule:
         seed: of the weights, of the order of the data and of dropout.
     """
 
-    steps: int
-    validate_every: int
-    lr: float
-    warmup_steps: int
-    seed: int
-
-    def __post_init__(self) -> None:
-        counts = dict.fromkeys(("steps", "validate_every"), f"[1, {_MOST_STEPS}]")
-        check_ranges(self, counts | {"warmup_steps": f"[0, {_MOST_STEPS}]"})
-        check_ranges(self, {"lr": "(0, 10]", "seed": f"[0, {LARGEST_SEED}]"})
+    steps: Annotated[int, In(f"[1, {_MOST_STEPS}]")]
+    validate_every: Annotated[int, In(f"[1, {_MOST_STEPS}]")]
+    lr: Annotated[float, In("(0, 10]")]
+    warmup_steps: Annotated[int, In(f"[0, {_MOST_STEPS}]")]
+    seed: Annotated[int, In(f"[0, {LARGEST_SEED}]")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,13 +41,9 @@ class FitSettings(Schedule):
             weights, which depends less on the seed (Wortsman et al. 2022).
     """
 
-    clip_norm: float
-    weight_decay: float
-    runs: int = 1
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_ranges(self, {"clip_norm": "(0, 1e6]", "weight_decay": "[0, 1]", "runs": "[1, 1000]"})
+    clip_norm: Annotated[float, In("(0, 1e6]")]
+    weight_decay: Annotated[float, In("[0, 1]")]
+    runs: Annotated[int, In("[1, 1000]")] = 1
 
 
 def learning_rate(step: int, steps: int, peak: float, warmup_steps: int, final_share: float = 0.01) -> float:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from itertools import islice
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import torch
@@ -15,10 +15,10 @@ from torch.nn.utils import clip_grad_norm_
 from pedpred.datasets.lanes import SplitSettings, split_sequences, stream_lanes
 from pedpred.datasets.rows import TrainingRows, load_sequences
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_ranges, parsed
 from pedpred.models.contract import ForecastNetwork, Loss, detach, reset, select
 from pedpred.models.lstm.augmentation import Augmentation, AugmentedBatch, augment, look_up
 from pedpred.models.rolling import rolled
+from pedpred.settings import In, Settings
 from pedpred.training.distributed import ALONE, DistributedContext
 from pedpred.training.loop import Learner
 from pedpred.training.schedule import FitSettings
@@ -28,7 +28,7 @@ _SEED_DISTANCE = 1_000_003
 
 
 @dataclass(frozen=True, kw_only=True)
-class NamedSets:
+class NamedSets(Settings):
     """What a phase is trained on, whatever the fold.
 
     Attributes:
@@ -38,7 +38,7 @@ class NamedSets:
     sets: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        check_ranges(self, {})
+        super().__post_init__()
         if not self.sets:
             raise ValueRuleError("sets", self.sets, "it must name a set such as simulated/main")
 
@@ -54,18 +54,14 @@ class SequenceSettings(FitSettings, SplitSettings):
         augmentation: see there.
     """
 
-    lanes: int
-    sub_sequence: int
-    longest_track: int
-    augmentation: Augmentation = field(
-        default_factory=Augmentation, metadata={"parse": partial(parsed, Augmentation)}
-    )
+    lanes: Annotated[int, In("[1, 100000]")]
+    sub_sequence: Annotated[int, In("[1, 10000]")]
+    longest_track: Annotated[int, In("[1, 1000000]")]
+    augmentation: Augmentation = field(default_factory=Augmentation)
 
     def __post_init__(self) -> None:
         FitSettings.__post_init__(self)
         SplitSettings.__post_init__(self)
-        check_ranges(self, {"lanes": "[1, 100000]", "sub_sequence": "[1, 10000]"})
-        check_ranges(self, {"longest_track": "[1, 1000000]"})
 
     def load(self, folders: Mapping[str, Path], embeddings: Mapping[str, Path] | None) -> TrainingRows:
         """All steps of the tracks of some sets; see `load_sequences`."""

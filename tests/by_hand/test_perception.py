@@ -8,7 +8,7 @@ import pytest
 
 from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol, Pedestrians
-from pedpred.features.perception import Following, Perception, parse_tracker, parsed_kalman, perceived, sensed
+from pedpred.features.perception import Following, Perception, parse_tracker, perceived, sensed
 from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.tracking import KalmanSettings, follow, resampled
@@ -63,8 +63,6 @@ def test_a_tracker_is_a_filter_or_the_truth():
     for plain in wrong:
         with pytest.raises(ValueRuleError):
             parse_tracker(plain)
-    with pytest.raises(ValueRuleError):
-        parsed_kalman([0.3, 0.1])
 
 
 @pytest.mark.parametrize("name", ["dt_s", "max_age_intervals", "lost_after_s", "truth_gap_s"])

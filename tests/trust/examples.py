@@ -31,7 +31,7 @@ from pedpred.reading import read_recording
 from pedpred.reading.geometry import read_ground, read_walls
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.pixels import read_homography
-from pedpred.report import measures
+from pedpred.report import results
 from pedpred.ros import write_recording
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
@@ -58,7 +58,7 @@ SIZES, STEPS = LstmFeatures(grid_cells=8, angular_cells=6), 4
 FEATURES = RowFormat(ForecastProtocol(horizon_steps=STEPS), "lstm", SIZES)
 SITUATIONS = RowFormat(FEATURES.protocol, "mixture", MixtureFeatures(neighbours=2, beams=8))
 ARCHIVED = dict.fromkeys(("seq_eth/H.txt", "seq_eth/obsmat.txt"), b"7 1.5\n" * 100)
-METRICS = {"eth": {"cv": dict.fromkeys(measures._FIELDS, 0.25)}}
+METRICS = {"eth": {"cv": dict.fromkeys(results.NEEDED, 0.25)}}
 TRACKER = "kind: kalman\nacceleration_noise: 0.05\nposition_noise_m: 0.05\n"
 CONF = "defaults: [_self_, scale: default, scenes@scenes.eth: eth]\nscenes: {}\nseed: 1\nrates: [0.1, 1e-3]\n"
 PIPELINE = """\

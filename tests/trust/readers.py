@@ -17,7 +17,7 @@ from pedpred import config
 from pedpred.command.prediction import read_tracker
 from pedpred.evaluation.forecasts import read_windows
 from pedpred.models.registry import load_network
-from pedpred.report import measures
+from pedpred.report import results
 from pedpred.ros import read_bag
 from pedpred.sources import SOURCES
 from pedpred.storage.scenes import read_map, read_scene
@@ -107,7 +107,7 @@ READERS = {
     "metrics": Reader(
         at("sim.json", lambda path: path.write_text(json.dumps(examples.METRICS))),
         ("sim.json",),
-        at("sim.json", measures.read_metrics),
+        at("sim.json", results.read_metrics),
     ),
     "checkpoint": Reader(examples.make_checkpoint, ("weights.safetensors", "about.json"), load_network),
     "model": Reader(export, ("model.json", "network.onnx"), examples.read_model),

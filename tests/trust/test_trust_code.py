@@ -25,7 +25,7 @@ SAVES = re.compile(r"\b(?:save|save_file|savefig|to_parquet|ParquetWriter)\(|ope
 
 
 @functools.cache
-def parsed(path):
+def load(path):
     return ast.parse(path.read_text())
 
 
@@ -43,7 +43,7 @@ def imports(tree):
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_nothing_that_is_read_is_run(path):
-    tree = parsed(path)
+    tree = load(path)
     assert calls(tree) & FORBIDDEN_CALLS == set()
     assert set(imports(tree)) & FORBIDDEN_MODULES == set()
     assert "shell=True" not in path.read_text()
@@ -72,7 +72,7 @@ def test_every_dependency_has_a_reason_and_a_use():
     assert names == set(dependencies.REASONS)
     page = dependencies.PAGE.read_text()
     assert all(f"| {name} |" in page for name in names)
-    used = {module for path in SOURCES for module in imports(parsed(path))}
+    used = {module for path in SOURCES for module in imports(load(path))}
     modules = {"hydra-core": "hydra", "pillow": "PIL", "pyyaml": "yaml", "scikit-fmm": "skfmm"}
     needed = {need.name for group in ("robot", "files", "train") for need in groups[group]}
     needed -= {"dvc", "ruamel.yaml.clib"}  # a command, and what it parses with
@@ -100,9 +100,7 @@ def test_files_are_written_through_one_door():
         assert found <= {"new"}, f"{path.relative_to(ROOT)} writes {found - {'new'}} at once"
         if not SAVES.search(source):
             continue
-        functions = [
-            ast.unparse(node) for node in ast.walk(parsed(path)) if isinstance(node, ast.FunctionDef)
-        ]
+        functions = [ast.unparse(node) for node in ast.walk(load(path)) if isinstance(node, ast.FunctionDef)]
         saving = [text for text in functions if SAVING.search(text)]
         named = (
             "atomic_write(",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
 import torch
@@ -10,14 +11,14 @@ from torch import Tensor
 
 from pedpred.datasets.lanes import LaneBatch
 from pedpred.datasets.rows import TrainingRows
-from pedpred.fields import Range, check_ranges
+from pedpred.settings import In, Range, Settings
 
 _STANDING = np.float32(0.1)
 """Largest factor on the velocities of a person made to stand: 0.13 m/s for an average walker."""
 
 
 @dataclass(frozen=True)
-class Augmentation:
+class Augmentation(Settings):
     """How much the tracks of a training are augmented; nothing by default.
 
     One place has one map, its habits (most turn left at that door) and its pace; a network tuned there
@@ -37,17 +38,12 @@ class Augmentation:
         ValueRuleError: a share is outside [0, 1], the noise negative or the range reversed.
     """
 
-    map_swap: float = 0.0
-    speed_scale: Range = (1.0, 1.0)
-    standing_share: float = 0.0
-    velocity_noise_mps: float = 0.0
-    neighbour_dropout: float = 0.0
-    map_dropout: float = 0.0
-
-    def __post_init__(self) -> None:
-        shares = ("map_swap", "standing_share", "neighbour_dropout", "map_dropout")
-        check_ranges(self, dict.fromkeys(shares, "[0, 1]"))
-        check_ranges(self, {"velocity_noise_mps": "[0, 100]", "speed_scale": "(0, 100]"})
+    map_swap: Annotated[float, In("[0, 1]")] = 0.0
+    speed_scale: Annotated[Range, In("(0, 100]")] = (1.0, 1.0)
+    standing_share: Annotated[float, In("[0, 1]")] = 0.0
+    velocity_noise_mps: Annotated[float, In("[0, 100]")] = 0.0
+    neighbour_dropout: Annotated[float, In("[0, 1]")] = 0.0
+    map_dropout: Annotated[float, In("[0, 1]")] = 0.0
 
 
 @dataclass(frozen=True)

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
-from functools import partial
-from typing import Any
+from dataclasses import asdict, dataclass, replace
+from typing import Annotated, Any
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import leaky_relu
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_choice, check_ranges, parsed, parsed_each
 from pedpred.models.contract import (
     CHANNELS,
-    UNITS,
     ForecastNetwork,
     Loss,
     Tensors,
@@ -25,24 +22,22 @@ from pedpred.models.contract import (
 )
 from pedpred.models.gaussian import UNCERTAINTIES, covariance_of, negative_log_density
 from pedpred.models.lstm.autoencoder import GridEncoder
+from pedpred.settings import In, Settings, check_choice, load
 
 _NEGATIVE_SLOPE = 0.1
 """Of a projection below zero: the auto-encoder's latent is linear, a ReLU would lose half of it."""
 
 
 @dataclass(frozen=True)
-class ChannelWidths:
+class ChannelWidths(Settings):
     """Units of one input channel: its fully connected projection, and its LSTM."""
 
-    projection: int
-    lstm: int
-
-    def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(("projection", "lstm"), UNITS))
+    projection: Annotated[int, In("[1, 65536]")]
+    lstm: Annotated[int, In("[1, 65536]")]
 
 
 @dataclass(frozen=True)
-class LstmSettings:
+class LstmSettings(Settings):
     """Settings of a `MotionLstm`.
 
     Attributes:
@@ -54,15 +49,15 @@ class LstmSettings:
         uncertainty: "none", or a key of `UNCERTAINTIES`.
     """
 
-    channels: Mapping[str, ChannelWidths] = field(metadata={"parse": partial(parsed_each, ChannelWidths)})
-    joint: int
-    head: int
+    channels: Mapping[str, ChannelWidths]
+    joint: Annotated[int, In("[1, 65536]")]
+    head: Annotated[int, In("[1, 65536]")]
     residual: bool
-    dropout: float = 0.0
+    dropout: Annotated[float, In("[0, 1)")] = 0.0
     uncertainty: str = "none"
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"joint": UNITS, "head": UNITS, "dropout": "[0, 1)"})
+        super().__post_init__()
         check_choice("uncertainty", self.uncertainty, ("none", *UNCERTAINTIES))
         unknown = sorted(set(self.channels) - set(CHANNELS))
         if unknown or not self.channels:
@@ -71,7 +66,7 @@ class LstmSettings:
     @classmethod
     def parse(cls, plain: Mapping[str, Any]) -> LstmSettings:
         """Build from plain dictionaries; the joint LSTM reads the channels in the order of `CHANNELS`."""
-        settings: LstmSettings = parsed(cls, plain)
+        settings: LstmSettings = load(cls, plain)
         order = sorted(settings.channels, key=CHANNELS.index)
         return replace(settings, channels={name: settings.channels[name] for name in order})
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from pedpred.fields import check_ranges
 from pedpred.models.mixture.features.history import PAST
 from pedpred.models.mixture.features.nearest import NEIGHBOUR
+from pedpred.settings import In, Settings
 
 
 @dataclass(frozen=True)
-class InputMasking:
+class InputMasking(Settings):
     """What is masked in some rows; nothing by default.
 
     Attributes:
@@ -25,14 +26,11 @@ class InputMasking:
         past_share: of the rows: the past is shorter, by a random number of steps.
     """
 
-    map_share: float = 0.0
-    neighbours_share: float = 0.0
-    missed_share: float = 0.0
-    missed: float = 0.0
-    past_share: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(self.__dataclass_fields__, "[0, 1]"))
+    map_share: Annotated[float, In("[0, 1]")] = 0.0
+    neighbours_share: Annotated[float, In("[0, 1]")] = 0.0
+    missed_share: Annotated[float, In("[0, 1]")] = 0.0
+    missed: Annotated[float, In("[0, 1]")] = 0.0
+    past_share: Annotated[float, In("[0, 1]")] = 0.0
 
 
 def mask(

@@ -12,19 +12,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from itertools import chain, pairwise
-from typing import Any
+from typing import Annotated, Any
 
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import linear, log_softmax
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import check_ranges, parsed
-from pedpred.models.contract import UNITS, ForecastNetwork, Loss, Tensors, displacements, mean_over
+from pedpred.models.contract import ForecastNetwork, Loss, Tensors, displacements, mean_over
 from pedpred.models.gaussian import covariance_of, initial_spread, negative_log_density, spread_of
 from pedpred.models.mixture.encoders import BeamEncoder, NeighbourEncoder, motion_known, own_motion, own_signs
 from pedpred.models.mixture.features.nearest import NEIGHBOUR
 from pedpred.models.mixture.mirror import MirroredLinear
+from pedpred.settings import In, Settings, load
 
 CHANNELS_READ = ("state", "history", "track", "neighbours", "beams")
 SURROUNDINGS = ("history", "neighbours", "beams")
@@ -35,7 +35,7 @@ _WIDTHS = ("units", "motion_units", "neighbour_units", "obstacle_units")
 
 
 @dataclass(frozen=True)
-class MixtureSettings:
+class MixtureSettings(Settings):
     """Settings of a `MixtureNetwork`.
 
     Attributes:
@@ -54,23 +54,21 @@ class MixtureSettings:
         frozen: those of its encoders whose weights stay as they are drawn: "own", "neighbours", "beams".
     """
 
-    modes: int = 12
-    units: int = 384
-    motion_units: int = 128
-    neighbour_units: int = 96
-    obstacle_units: int = 128
-    likelihood: float = 0.1
-    closest: float = 0.3
-    sharpness: float = 3.0
-    balance_m: float = 0.3
+    modes: Annotated[int, In("[1, 1000]")] = 12
+    units: Annotated[int, In("[1, 65536]")] = 384
+    motion_units: Annotated[int, In("[1, 65536]")] = 128
+    neighbour_units: Annotated[int, In("[1, 65536]")] = 96
+    obstacle_units: Annotated[int, In("[1, 65536]")] = 128
+    likelihood: Annotated[float, In("[0, 1e6]")] = 0.1
+    closest: Annotated[float, In("[0, 1e6]")] = 0.3
+    sharpness: Annotated[float, In("(0, 1e6]")] = 3.0
+    balance_m: Annotated[float, In("(0, 1e6]")] = 0.3
     mirrored: bool = True
     unread: tuple[str, ...] = ()
     frozen: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        check_ranges(self, dict.fromkeys(_WIDTHS, UNITS) | {"modes": "[1, 1000]"})
-        check_ranges(self, dict.fromkeys(("likelihood", "closest"), "[0, 1e6]"))
-        check_ranges(self, dict.fromkeys(("sharpness", "balance_m"), "(0, 1e6]"))
+        super().__post_init__()
         if self.mirrored and self.modes % 2:
             raise ValueRuleError("modes", self.modes, "use an even number: half of them are mirror images")
         for name, known in {"unread": (*SURROUNDINGS, _VELOCITIES), "frozen": _ENCODERS}.items():
@@ -80,7 +78,7 @@ class MixtureSettings:
     @classmethod
     def parse(cls, plain: Mapping[str, Any]) -> MixtureSettings:
         """Build from plain dictionaries."""
-        settings: MixtureSettings = parsed(cls, plain)
+        settings: MixtureSettings = load(cls, plain)
         return settings
 
     def plain(self) -> dict[str, Any]:

@@ -51,7 +51,7 @@ def read(path: Path, options: ReadOptions) -> Table:
         ContentError: the file is damaged, of another program, or its values are wrong; h5py is not installed.
     """
     command = [sys.executable, "-c", f"from {__name__} import main; main()", str(path.absolute())]
-    # Filters of strangers are code: none is loaded.
+    # Plug-ins for compression are code: none is loaded.
     environment = os.environ | {"HDF5_PLUGIN_PRELOAD": "::", "HDF5_USE_FILE_LOCKING": "FALSE"}
     environment |= {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     try:
@@ -59,9 +59,9 @@ def read(path: Path, options: ReadOptions) -> Table:
     except subprocess.TimeoutExpired as cause:
         raise ContentError(f"a damaged file of HDF5: it was not read within {_LONGEST_S:g} s") from cause
     if ended.returncode:
-        said = ended.stderr.decode(errors="replace").strip().splitlines()
-        known = ended.returncode == 2 and said
-        reason = said[-1] if known else f"a damaged file, the reader ended with exit code {ended.returncode}"
+        lines = ended.stderr.decode(errors="replace").strip().splitlines()
+        known = ended.returncode == 2 and lines
+        reason = lines[-1] if known else f"a damaged file, the reader ended with exit code {ended.returncode}"
         raise ContentError(f"HDF5: {reason}", _OTHERS)
     with pa.ipc.open_stream(ended.stdout) as stream:
         table, about = stream.read_all(), stream.schema.metadata
@@ -75,7 +75,7 @@ def read(path: Path, options: ReadOptions) -> Table:
 
 
 def main() -> None:
-    """Write the columns of a file, with `fps` and `wkt`, to stdout, or end with code 2 and say why."""
+    """Write the columns of a file, `fps` and `wkt` to stdout; or a problem to stderr, with exit code 2."""
     if sys.platform != "win32":
         import resource
 
@@ -88,8 +88,8 @@ def main() -> None:
         sys.stderr.write('h5py is not installed: pip install "pedpred[hdf5]"\n')
         sys.exit(2)
     except (OSError, RuntimeError, ValueError, KeyError, TypeError, MemoryError) as problem:
-        said = str(problem).splitlines()
-        sys.stderr.write(f"{said[0][:400] if said else type(problem).__name__}\n")
+        lines = str(problem).splitlines()
+        sys.stderr.write(f"{lines[0][:400] if lines else type(problem).__name__}\n")
         sys.exit(2)
 
 
@@ -103,17 +103,17 @@ def _content(path: Path) -> pa.Table:
             raise ValueError(f"schema_version {schema} of JuPedSim is not known, only {known}")
         table = _own(file, "trajectory")
         columns = _columns(table)
-        said = table.attrs.get("fps", file.attrs.get("fps", ()))
+        rate = table.attrs.get("fps", file.attrs.get("fps", ()))
         texts = []
         if schema == 2:
-            said = 1 / (float(file.attrs["dt"]) * float(file.attrs["every_nth_frame"]))
+            rate = 1 / (float(file.attrs["dt"]) * float(file.attrs["every_nth_frame"]))
             texts = _own(file, "regions").fields("wkt")[:_MOST_REGIONS]
         elif schema == 1 and "geometry" in file:
             texts = _own(file, "geometry", "wkt")[:_MOST_REGIONS]
         geometry = file.attrs.get("wkt_geometry", "")
         wkt = geometry.decode() if isinstance(geometry, bytes) else str(geometry)
         wkt = "\n".join(text.decode() for text in texts) or wkt
-    fps = np.ravel(np.asarray(said, dtype=np.float64))[:1].tolist()
+    fps = np.ravel(np.asarray(rate, dtype=np.float64))[:1].tolist()
     return pa.table(columns).replace_schema_metadata({"fps": "".join(map(repr, fps)), "wkt": wkt})
 
 

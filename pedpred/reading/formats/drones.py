@@ -34,7 +34,7 @@ def read(path: Path, options: ReadOptions) -> Table:
     """Read the pedestrians; `rate_hz` of the options is used where NN_recordingMeta.csv is missing.
 
     Raises:
-        ContentError: a column is missing, or nobody is a pedestrian.
+        ContentError: a column is missing, or there is no pedestrian.
         InputError: one of the other files is missing or wrong.
     """
     if _TRACKS not in path.name:
@@ -48,7 +48,7 @@ def read(path: Path, options: ReadOptions) -> Table:
     rows, _ = _columns(path, _WANTED)
     rows = rows.filter(pc.is_in(rows["id"].cast(pa.string()), pedestrians))
     if not rows.num_rows:
-        raise ContentError(f"nobody is a pedestrian, as {meta.name} says", NO_PEDESTRIAN)
+        raise ContentError(f"no track is a pedestrian in {meta.name}", NO_PEDESTRIAN)
     return Table(rows, "m", _rate_hz(path))
 
 

@@ -62,9 +62,9 @@ def read(path: Path, options: ReadOptions) -> Table:
                 raise ContentError(f"more than {_MOST_ROWS} rows", "Divide the file")
         if not parts:
             raise ContentError("no detections, trajectory_data is empty")
-        said = _metadata(database, "fps")
+        fps = _metadata(database, "fps")
         (frame, who), (x, y) = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
-    rate_hz = None if said is None else float(said)
+    rate_hz = None if fps is None else float(fps)
     rows = pa.table({"frame": frame, "id": who, "x": x, "y": y})
     return Table(rows, "m", rate_hz, walls=partial(_read_walls, path))
 
@@ -84,14 +84,14 @@ def _read_walls(path: Path) -> Geometry | None:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[sqlite3.Connection]:
-    """Open a database of a stranger: read only, with bounds, and nothing in it is run.
+    """Open an untrusted database: read only, with limits, and without running code in it.
 
     Raises:
         ContentError: it is still being written.
     """
     for journal in (path.with_name(f"{path.name}-wal"), path.with_name(f"{path.name}-journal")):
         if journal.exists() and journal.stat().st_size:
-            problem = f"{journal.name} beside it says that it is still being written"
+            problem = f"it is still being written: there is {journal.name}"
             raise ContentError(problem, "Let the simulation end, or open it once with sqlite3")
     address = f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1"
     steps = iter(range(_MOST_STEPS))
@@ -124,7 +124,7 @@ def _check_columns(database: sqlite3.Connection, table: str, columns: list[str])
 
 
 def _metadata(database: sqlite3.Connection, key: str) -> Any:
-    """What the table metadata says; None: nothing."""
+    """A value of the table metadata; None: it has none."""
     if "metadata" not in _tables(database):
         return None
     _check_columns(database, "metadata", ["key", "value"])

@@ -44,7 +44,7 @@ def read(path: Path, options: ReadOptions) -> Table:
     """Read the labels of all classes, frame of the camera."""
     first = Head.of(path).lines[0].split()
     if float(first[_LEFT]) >= 0.0:
-        text = "%s: positions are relative to the camera: if it moves, everybody seems to move with it"
+        text = "%s: positions are relative to the camera: if it moves, all people seem to move"
         _log.warning(text, path)
     wanted = {name: name for name in ("frame", "id", "x", "y", "class")}
     return Table(read_columns(path, TextForm(_TITLES[: len(first)], BLANKS), wanted), "m", before=0)

@@ -63,14 +63,14 @@ def read(path: Path, options: ReadOptions) -> Table:
         parts.append((np.full(rows.sum(), body), when[first][rows], *best[rows].T))
     who, at, x, y = (np.concatenate(part) for part in zip(*parts, strict=True))
     written = next(iter(about.get("FREQUENCY", ())), "").replace(",", ".")
-    said = None if clock == ["Time"] or not written else float(written)
+    rate_hz = None if clock == ["Time"] or not written else float(written)
     name = "time" if clock == ["Time"] else "frame"
     columns = {"id": pa.array(who.tolist(), pa.string()), name: at, "x": x, "y": y}
-    return Table(pa.table(columns), "mm", said)
+    return Table(pa.table(columns), "mm", rate_hz)
 
 
 def _head(path: Path, options: ReadOptions) -> tuple[Mapping[str, Sequence[str]], TextForm]:
-    """What is said above the data, and the form of the data; QTM may write them without titles.
+    """The lines above the data, and the form of the data; QTM may write them without titles.
 
     Raises:
         ContentError: there are no titles, and no markers have names.

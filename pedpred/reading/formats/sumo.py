@@ -10,7 +10,6 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
 import pyarrow as pa
@@ -19,6 +18,8 @@ from pedpred.reading.errors import NO_PEDESTRIAN, ContentError
 from pedpred.reading.head import Head
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.table import Table
+from pedpred.reading.text import to_number
+from pedpred.reading.xml_parser import XmlParser
 from pedpred.storage.tracks import MOST_NUMBERS
 
 NAME = "SUMO FCD"
@@ -36,17 +37,16 @@ def read(path: Path, options: ReadOptions) -> Table:
     """Read the people, element by element.
 
     Raises:
-        ContentError: the file is damaged, holds nobody, or its positions are degrees.
+        ContentError: the file is damaged, has no people, or its positions are degrees.
     """
     reading = _Reading()
     with path.open("rb") as file:
         fed = 0
         while chunk := file.read(_CHUNK_BYTES):
-            reading.parser.Parse(chunk, False)
             fed += len(chunk)
-            if fed - reading.parser.CurrentByteIndex > _LONGEST_ELEMENT_BYTES:
-                raise reading.problem(f"an element of more than {_LONGEST_ELEMENT_BYTES} bytes")
-        reading.parser.Parse(b"", True)
+            if fed - reading.parser.feed(chunk) > _LONGEST_ELEMENT_BYTES:
+                raise reading.parser.problem(f"an element of more than {_LONGEST_ELEMENT_BYTES} bytes")
+        reading.parser.feed(b"", final=True)
     if not reading.ids:
         raise ContentError("no <person> walks in any <timestep>", NO_PEDESTRIAN)
     numbers = np.frombuffer(reading.numbers).reshape(-1, 3)
@@ -65,26 +65,15 @@ class _Reading:
     """Handlers of the XML parser, and what they have read: ids, and `time`, `x`, `y` of each person."""
 
     def __init__(self) -> None:
-        self.parser = expat.ParserCreate()
-        self.parser.StartElementHandler = self.start
-        self.parser.EndElementHandler = self.end
-        self.parser.StartDoctypeDeclHandler = self.refuse
+        self.parser = XmlParser("fcd-export", self.start, self.end)
         self.depth, self.time = 0, ""
         self.numbers, self.ids = array("d"), array("i")
         self.number_of: dict[str, int] = {}
 
-    def problem(self, text: str) -> ContentError:
-        return ContentError(text, line=self.parser.CurrentLineNumber)
-
-    def refuse(self, *_: object) -> None:
-        raise self.problem("a document type, which could define entities; SUMO writes none")
-
     def start(self, name: str, attributes: Mapping[str, str]) -> None:
-        if not self.depth and name != "fcd-export":
-            raise self.problem(f"the outermost element is <{name[:80]}>, expected <fcd-export>")
         self.depth += 1
         if self.depth > _DEEPEST:
-            raise self.problem(f"elements more than {_DEEPEST} deep")
+            raise self.parser.problem(f"elements more than {_DEEPEST} deep")
         if name == "timestep":
             self.time = attributes.get("time", "")
         elif name == "person" and not attributes.get("vehicle"):
@@ -92,15 +81,15 @@ class _Reading:
 
     def person(self, attributes: Mapping[str, str]) -> None:
         if not (who := attributes.get("id", "")):
-            raise self.problem("a <person> without an id")
+            raise self.parser.problem("a <person> has no id")
         written = {"time": self.time, "x": attributes.get("x", ""), "y": attributes.get("y", "")}
         for key, text in written.items():
             try:
-                value = float("?" if "_" in text else text)
+                value = to_number(text)
             except ValueError as cause:
-                raise self.problem(f"{key} = {text[:80]!r} is not a number") from cause
+                raise self.parser.problem(f"{key} = {text[:80]!r} is not a number") from cause
             if not np.isfinite(value):
-                raise self.problem(f"{key} = {text[:80]}, must be finite")
+                raise self.parser.problem(f"{key} = {text[:80]}, must be finite")
             self.numbers.append(value)
         self.ids.append(self.number_of.setdefault(who, len(self.number_of)))
         if 4 * len(self.ids) > MOST_NUMBERS:

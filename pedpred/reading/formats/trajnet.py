@@ -40,7 +40,7 @@ def read(path: Path, options: ReadOptions) -> Table:
     """Read the detections; `rate_hz` of the options is the number of frames per second, in place of `fps`.
 
     Raises:
-        ContentError: a line is wrong, or a forecast; or scenes say no `fps`, or several.
+        ContentError: a line is wrong, or a forecast; or the scenes have no `fps`, or several.
     """
     rates: set[float] = set()
     rows: list[list[Any]] = []
@@ -68,7 +68,7 @@ def read(path: Path, options: ReadOptions) -> Table:
 def _frames_per_second(numbers: np.ndarray, rates: set[float]) -> float:
     if len(rates) != 1 or not 0.0 < min(rates) < np.inf:
         named = ", ".join(f"{rate:g}" for rate in sorted(rates)[:5]) or "none"
-        raise ContentError(f"fps of the scenes: {named}", "Say how many frames a second has: --rate")
+        raise ContentError(f"fps of the scenes: {named}", "Give the frame rate: --rate")
     placed = numbers[np.isfinite(numbers).all(axis=1)]
     order = np.lexsort((placed[:, 0], placed[:, 1]))
     steps = np.diff(placed[order, 0])[np.diff(placed[order, 1]) == 0]
@@ -77,12 +77,12 @@ def _frames_per_second(numbers: np.ndarray, rates: set[float]) -> float:
 
 
 def rate_of(scene: Mapping[str, Any]) -> float:
-    """Frames per second of a scene; NaN where it says none."""
+    """Frames per second of a scene; NaN where `fps` is null."""
     return math.nan if scene["fps"] is None else float(scene["fps"])
 
 
 def json_lines(path: Path) -> Iterator[tuple[int, str, Mapping[str, Any]]]:
-    """Yield line number, `scene` or `track`, and what is said of it; other lines are passed over.
+    """Yield line number, `scene` or `track`, and the object under it; other lines are passed over.
 
     Raises:
         ContentError: a line is no such object.
@@ -92,7 +92,7 @@ def json_lines(path: Path) -> Iterator[tuple[int, str, Mapping[str, Any]]]:
             continue
         try:
             content = parse_json(text, missing=True)
-        except Exception as cause:
+        except (ValueError, RecursionError) as cause:
             raise ContentError(f"{cause}"[:300], line=line) from cause
         if not isinstance(content, dict):
             raise _no_object(content, line)

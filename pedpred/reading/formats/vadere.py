@@ -4,7 +4,7 @@
     1 0.2 0.6 1.2 2.0 1.6 2.0 1
 
 Within a footstep, people move in a straight line, as Vadere shows it. They are detected at equal intervals,
-and stand between two footsteps; where the next one begins elsewhere, nobody knows where they are in between.
+and stand between two footsteps; where the next one begins elsewhere, the position in between is unknown.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def read(path: Path, options: ReadOptions) -> Table:
 
 
 def _detected(steps: Mapping[str, np.ndarray], track_id: np.ndarray, rate_hz: float) -> pa.Table:
-    """Where everybody is at whole multiples of the interval, from the first to the last footstep."""
+    """Interpolate positions at whole multiples of the interval, from the first to the last footstep."""
     both = {"t": ("simTime", "endTime"), "x": ("startX", "endX"), "y": ("startY", "endY")}
     knots = {name: np.stack([steps[title] for title in pair], -1) for name, pair in both.items()}
     parts: list[np.ndarray] = []

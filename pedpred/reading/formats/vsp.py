@@ -52,9 +52,10 @@ def read(path: Path, options: ReadOptions) -> Table:
         x, y, knots = points[first].T
         if not len(knots):
             continue
-        frame = np.arange(np.ceil(knots[0] / every), np.floor(knots[-1] / every) + 1) * every
-        if 4 * (rows := rows + len(frame)) > MOST_NUMBERS:
+        begin, end = np.ceil(knots[0] / every), np.floor(knots[-1] / every) + 1
+        if 4 * (rows := rows + max(0, int(end - begin))) > MOST_NUMBERS:
             raise ContentError(f"more than {MOST_NUMBERS // 4} detections", "Divide the file")
+        frame = np.arange(begin, end) * every
         place = (
             CubicSpline(knots, np.stack([x, -y], -1))(frame) if len(knots) > 1 else np.array([[x[0], -y[0]]])
         )

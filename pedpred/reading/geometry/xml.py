@@ -18,16 +18,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
 import shapely
 
 from pedpred.errors import brief
 from pedpred.files import read_bytes
-from pedpred.reading.errors import CORRECT, ContentError
+from pedpred.reading.errors import ContentError
 from pedpred.reading.geometry.raster import Geometry, cut_doors
 from pedpred.reading.options import UNITS
+from pedpred.reading.text import to_number
+from pedpred.reading.xml_parser import XmlParser
 
 _LARGEST_BYTES = 2**22
 _FARTHEST = 1e8  # surveyors' coordinates stay below
@@ -44,7 +45,7 @@ def read_xml(path: Path) -> Geometry:
         ContentError: it is large, no such XML or without walls; it names the line.
     """
     reading = _Reading()
-    reading.parser.Parse(read_bytes(path, _LARGEST_BYTES), True)
+    reading.parser.feed(read_bytes(path, _LARGEST_BYTES), final=True)
     subrooms = [polygons for polygons in reading.subrooms if polygons]
     if not subrooms:
         problem = "no polygon outlines the ground where people walk, and no wall is drawn"
@@ -67,10 +68,7 @@ class _Reading:
     """Handlers of the XML parser, and what they have read."""
 
     def __init__(self) -> None:
-        self.parser = expat.ParserCreate()
-        self.parser.StartElementHandler = self.start
-        self.parser.EndElementHandler = self.end
-        self.parser.StartDoctypeDeclHandler = self.refuse
+        self.parser = XmlParser("geometry", self.start, self.end, _REMEDY)
         self.unit_m = 1.0
         self.within: list[str] = []
         self.subrooms: list[list[Polygon]] = []
@@ -78,21 +76,11 @@ class _Reading:
         self.doors: list[Polygon] = []
         self.drawn: Polygon | None = None
 
-    def problem(self, text: str, remedy: str = CORRECT) -> ContentError:
-        return ContentError(text, remedy, self.parser.CurrentLineNumber)
-
-    def refuse(self, *_: object) -> None:
-        raise self.problem("a document type, which could define entities; geometry files have none")
-
     def start(self, name: str, attributes: Mapping[str, str]) -> None:
-        if not self.within and name != "geometry":
-            raise self.problem(
-                f"the outermost element is <{brief(name)[1:-1]}>, expected <geometry>", _REMEDY
-            )
         if name == "geometry":
             unit = attributes.get("unit", "m").strip().lower()
             if unit not in UNITS:
-                raise self.problem(f"unit = {brief(unit)}, expected one of {', '.join(UNITS)}")
+                raise self.parser.problem(f"unit = {brief(unit)}, expected one of {', '.join(UNITS)}")
             self.unit_m = UNITS[unit]
         elif name == "subroom":
             self.subrooms.append([])
@@ -120,18 +108,20 @@ class _Reading:
         for key in ("px", "py"):
             text = attributes.get(key, "")
             try:
-                point.append(float("?" if "_" in text else text))
+                point.append(to_number(text))
             except ValueError as cause:
-                raise self.problem(f"{key} = {brief(text)} is not a number") from cause
+                raise self.parser.problem(f"{key} = {brief(text)} is not a number") from cause
         if not all(abs(value) <= _FARTHEST for value in point):
-            raise self.problem(f"vertex {point}, farther than {_FARTHEST:g} from the origin")
+            raise self.parser.problem(f"vertex {point}, farther than {_FARTHEST:g} from the origin")
         return [self.unit_m * value for value in point]
 
     def end(self, name: str) -> None:
         self.within.pop()
         if name in ("polygon", *_DOORS) and self.drawn is not None:
             if len(self.drawn) < 2:
-                raise self.problem(f"a {name} with fewer than 2 vertices", "Remove it, or add its other end")
+                raise self.parser.problem(
+                    f"a {name} with fewer than 2 vertices", "Remove it, or add its other end"
+                )
             self.drawn = None
 
 

@@ -10,19 +10,19 @@ from functools import partial
 from importlib.resources import files
 from typing import Any
 
+import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.colors import to_hex, to_rgb
 
 from pedpred.report.canvas import avif_bytes
-from pedpred.report.document import Block, Section, Text
+from pedpred.report.document import Block, Pictures, Section, Text
 from pedpred.report.findings import Paper
-from pedpred.report.gallery import Evaluated
-from pedpred.report.gather import title_of
+from pedpred.report.gather import Evaluated, title_of
 from pedpred.report.literature import literature_section
-from pedpred.report.measures import Figures
 from pedpred.report.methods import Methods
 from pedpred.report.page.player import Replay
+from pedpred.report.results import results_frame
 from pedpred.report.sections import (
     READING,
     answer_section,
@@ -32,8 +32,10 @@ from pedpred.report.sections import (
     parts_sections,
     warnings,
 )
+from pedpred.report.tables import steps_table
 
-_SCRIPTS = ("replay.js", "inputs.js", "player.js", "page.js")
+_SCRIPTS = ("replay.js", "player.js", "page.js")
+_IN_FIGURES = "The same in figures: mean (lower quartile, median, upper quartile), m"
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class Contents:
     paper: Paper
     avif_speed: int  # of the encoder of pictures, from 0, smallest files, to 10, fastest
     further: Sequence[Section] = ()  # of pictures beside those of the test sets
-    literature: Mapping[str, Figures] = field(default_factory=dict)  # by scene, see report/literature.py
+    literature: pd.DataFrame = field(default_factory=lambda: results_frame({}))  # see report/literature.py
     published: Sequence[Mapping[str, Any]] = ()  # rows of others under that protocol
     latency: Sequence[Mapping[str, float]] = ()  # of `benchmarks.online`, one row per crowd
     places: Sequence[Block] = ()  # the real places side by side
@@ -66,11 +68,12 @@ def render_page(contents: Contents) -> str:
     )
     environment.filters |= {"strong": _strong, "picture": partial(_picture, speed=contents.avif_speed)}
     result = next(result for study in contents.evaluated for result in study.results)
-    steps = max(len(metrics["per_step_m"]) for metrics in result.figures.values())
+    steps = len(result.figures.over_steps("per_step_m"))
     return environment.get_template("page.html").render(
         sections=_sections(contents),
         replays=contents.replays,
-        methods=_methods(contents.methods),
+        methods=_colours(contents.methods),
+        labels={method.key: method.label for method in contents.methods},
         horizon_s=round(steps * result.dt_s, 2),
         style=Markup(_asset("page.css")),
         script=Markup("\n".join(_asset(name) for name in _SCRIPTS)),
@@ -97,13 +100,24 @@ def _sections(contents: Contents) -> list[Section]:
         *paper_section(results, methods, paper),
         *literature_section(contents.literature, contents.published, methods),
         *contents.drives,
-        *_merged("horizon", galleries),
+        _horizons(contents),
         *_merged("calibration", galleries),
         *_merged("displacement", galleries),
         Section("Pictures", [*unnamed, *contents.further], "pictures"),
         *_merged("training", galleries),
         *latency_section(contents.latency),
     ]
+
+
+def _horizons(contents: Contents) -> Section:
+    """Errors over the horizon as pictures and as tables."""
+    parts = []
+    for evaluated, gallery in zip(contents.evaluated, contents.galleries, strict=True):
+        pictures = [p for section in gallery if section.name == "horizon" for p in section.pictures]
+        for result, picture in zip(evaluated.results, pictures, strict=True):
+            table = Section(_IN_FIGURES, [steps_table(result, contents.methods)], folded=True)
+            parts.append(Section(result.title, [Pictures([picture]), table]))
+    return Section("Error over the horizon", parts, "horizon")
 
 
 def _merged(name: str, galleries: Mapping[str, Sequence[Section]]) -> list[Section]:
@@ -114,13 +128,12 @@ def _merged(name: str, galleries: Mapping[str, Sequence[Section]]) -> list[Secti
     return [Section(same[0].title, once, name)] if same else []
 
 
-def _methods(methods: Methods) -> dict[str, dict[str, str]]:
-    """Label and colour of each method, and a paler colour for dark backgrounds."""
+def _colours(methods: Methods) -> dict[str, dict[str, str]]:
+    """Colour of each method, and a paler one for dark backgrounds."""
     shown = {}
     for row in methods:
         red, green, blue = (0.75 * part + 0.25 for part in to_rgb(row.colour))
-        pale = to_hex((red, green, blue))
-        shown[row.key] = {"label": row.label, "colour": row.colour, "colour_on_dark": pale}
+        shown[row.key] = {"colour": row.colour, "colour_on_dark": to_hex((red, green, blue))}
     return shown
 
 

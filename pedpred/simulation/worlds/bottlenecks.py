@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from pedpred.fields import Range
-from pedpred.simulation.worlds.drawing import check_intervals, nested, uniform
+from pedpred.settings import In, Range, Settings
+from pedpred.simulation.worlds.drawing import uniform
 from pedpred.simulation.worlds.floors import Area, Floor, ground_cells, paint_rectangle
 from pedpred.simulation.worlds.journeys import Stage
 from pedpred.simulation.worlds.streams import StreamSettings, draw_streams
@@ -16,7 +17,7 @@ _SIDE_M = 1.0  # thickness of the walls beside the hall
 
 
 @dataclass(frozen=True)
-class BottleneckSettings:
+class BottleneckSettings(Settings):
     """Ranges of bottlenecks.
 
     Attributes:
@@ -30,26 +31,14 @@ class BottleneckSettings:
         streams: who walks.
     """
 
-    duration_s: float
-    width_m: Range
-    length_m: Range
-    wall_m: Range
-    opening_m: Range
-    two_from_m: float
-    centred_share: float
-    streams: StreamSettings = nested(StreamSettings)
-
-    def __post_init__(self) -> None:
-        check_intervals(
-            self,
-            {
-                "[2, 1000]": "width_m",
-                "[14, 1000]": "length_m",
-                "[0, 1000]": "two_from_m",
-            },
-        )
-        check_intervals(self, {"(0, 4]": "wall_m", "(0, 1000]": "opening_m"})
-        check_intervals(self, {"(0, 36000]": "duration_s"})
+    duration_s: Annotated[float, In("(0, 36000]")]
+    width_m: Annotated[Range, In("[2, 1000]")]
+    length_m: Annotated[Range, In("[14, 1000]")]
+    wall_m: Annotated[Range, In("(0, 4]")]
+    opening_m: Annotated[Range, In("(0, 1000]")]
+    two_from_m: Annotated[float, In("[0, 1000]")]
+    centred_share: Annotated[float, In("[0, 1]")]
+    streams: StreamSettings
 
 
 def draw_bottleneck(settings: BottleneckSettings, rng: np.random.Generator) -> Floor:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy import ndimage
 
-from pedpred.fields import Range
+from pedpred.settings import In, Range, Settings
 from pedpred.simulation.worlds.drawing import (
-    check_intervals,
     check_shares,
     draw_name,
     log_uniform,
-    nested,
     uniform,
 )
 from pedpred.simulation.worlds.floors import CELL_M, Area, Floor, ground_cells, paint_disc, paint_rectangle
@@ -28,7 +27,7 @@ _AXES = {"E": (1.0, 0.0), "W": (-1.0, 0.0), "N": (0.0, 1.0), "S": (0.0, -1.0)}
 
 
 @dataclass(frozen=True)
-class CorridorSettings:
+class CorridorSettings(Settings):
     """Ranges of corridors.
 
     Attributes:
@@ -47,32 +46,23 @@ class CorridorSettings:
         streams: who walks.
     """
 
-    duration_s: float
-    forms: Mapping[str, float]
-    width_m: Range
-    any_width_m: Range
-    any_width_share: float
-    equal_width_share: float
-    arm_m: Range
-    column_share: float
-    column_radius_m: Range
-    obstacle_share: float
-    obstacles: tuple[int, int]
-    obstacle_radius_m: Range
-    streams: StreamSettings = nested(StreamSettings)
+    duration_s: Annotated[float, In("(0, 36000]")]
+    forms: Mapping[str, Annotated[float, In("[0, 1]")]]
+    width_m: Annotated[Range, In("(0, 1000]")]
+    any_width_m: Annotated[Range, In("(0, 1000]")]
+    any_width_share: Annotated[float, In("[0, 1]")]
+    equal_width_share: Annotated[float, In("[0, 1]")]
+    arm_m: Annotated[Range, In("[6, 1000]")]
+    column_share: Annotated[float, In("[0, 1]")]
+    column_radius_m: Annotated[Range, In("(0, 1000]")]
+    obstacle_share: Annotated[float, In("[0, 1]")]
+    obstacles: Annotated[tuple[int, int], In("[0, 1000]")]
+    obstacle_radius_m: Annotated[Range, In("(0, 1000]")]
+    streams: StreamSettings
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_shares(self, "forms", _ARMS)
-        lengths = "width_m any_width_m column_radius_m obstacle_radius_m"
-        check_intervals(
-            self,
-            {
-                "(0, 1000]": lengths,
-                "[6, 1000]": "arm_m",
-                "[0, 1000]": "obstacles",
-            },
-        )
-        check_intervals(self, {"(0, 36000]": "duration_s"})
 
 
 def draw_corridor(settings: CorridorSettings, rng: np.random.Generator) -> Floor:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from pedpred.fields import Range
+from pedpred.settings import Range
 
 CELL_M = 0.1
 _WALL_CELLS = (2, 5)  # thickness of walls that are drawn as such

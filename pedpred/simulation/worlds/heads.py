@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from pedpred.scenes import Scene, Trajectories
-from pedpred.simulation.worlds.drawing import check_intervals
+from pedpred.settings import In, Settings
 
 _SPEED_ROWS, _DIRECTION_ROWS = 11, 15  # of the moving means
 _ALONG = 0.4  # amplitude along the way, at twice the frequency, as a share of the lateral one
@@ -17,7 +18,7 @@ _DRIFT_S = 1.5
 
 
 @dataclass(frozen=True)
-class Sway:
+class Sway(Settings):
     """Movement of heads relative to the simulated positions.
 
     Attributes:
@@ -26,12 +27,9 @@ class Sway:
         drift_m: standard deviation of a slowly changing offset, such as clicking errors.
     """
 
-    amplitude_m: float = 0.0
-    tempo: float = 1.0
-    drift_m: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_intervals(self, {"[0, 1000]": "amplitude_m tempo drift_m"})
+    amplitude_m: Annotated[float, In("[0, 1000]")] = 0.0
+    tempo: Annotated[float, In("[0, 1000]")] = 1.0
+    drift_m: Annotated[float, In("[0, 1000]")] = 0.0
 
 
 def move_to_heads(scene: Scene, sway: Sway, rng: np.random.Generator) -> Scene:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pedpred.fields import Range
+from pedpred.settings import Range
 from pedpred.simulation.worlds.drawing import log_uniform
 from pedpred.simulation.worlds.floors import Floor, move_onto_free
 

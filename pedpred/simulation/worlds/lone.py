@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from pedpred.fields import Range
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from pedpred.simulation.worlds.drawing import check_intervals
+from pedpred.settings import In, Range, Settings
 
 _FAR_M = 1000.0  # between two people
 _SPEED_S = 3.0  # correlation time of the speed
@@ -17,7 +17,7 @@ _PACE = (0.3, 1.3)  # least and largest speed of somebody who walks, as a share 
 
 
 @dataclass(frozen=True)
-class LoneSettings:
+class LoneSettings(Settings):
     """Ranges of people far from each other; each person draws from them.
 
     Attributes:
@@ -35,23 +35,18 @@ class LoneSettings:
         relaxation_s: in which a speed is reached; log-uniform.
     """
 
-    duration_s: float
-    people: int
-    standing_share: float
-    speed_mps: Range
-    straight_share: float
-    turn_radps: Range
-    turn_s: Range
-    unsteady: Range
-    halting_share: float
-    halt_rate_hz: Range
-    halt_s: Range
-    relaxation_s: Range
-
-    def __post_init__(self) -> None:
-        check_intervals(self, {"(0, 36000]": "duration_s halt_s", "[1, 1000]": "people"})
-        check_intervals(self, {"(0, 1000]": "speed_mps", "(0, 10]": "turn_radps halt_rate_hz"})
-        check_intervals(self, {"[0.1, 100]": "turn_s relaxation_s", "(0, 0.5]": "unsteady"})
+    duration_s: Annotated[float, In("(0, 36000]")]
+    people: Annotated[int, In("[1, 1000]")]
+    standing_share: Annotated[float, In("[0, 1]")]
+    speed_mps: Annotated[Range, In("(0, 1000]")]
+    straight_share: Annotated[float, In("[0, 1]")]
+    turn_radps: Annotated[Range, In("(0, 10]")]
+    turn_s: Annotated[Range, In("[0.1, 100]")]
+    unsteady: Annotated[Range, In("(0, 0.5]")]
+    halting_share: Annotated[float, In("[0, 1]")]
+    halt_rate_hz: Annotated[Range, In("(0, 10]")]
+    halt_s: Annotated[Range, In("(0, 36000]")]
+    relaxation_s: Annotated[Range, In("[0.1, 100]")]
 
 
 def simulate_lone_people(

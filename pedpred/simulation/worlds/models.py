@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from pedpred.fields import Range
-from pedpred.simulation.worlds.drawing import check_intervals, log_uniform, uniform
+from pedpred.settings import In, Range, Settings
+from pedpred.simulation.worlds.drawing import log_uniform, uniform
 
 
 class WalkingModel(NamedTuple):
@@ -56,7 +56,7 @@ class WalkingModel(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ModelSettings:
+class ModelSettings(Settings):
     """Ranges of the parameters of `WalkingModel`, and shares of the models.
 
     Attributes:
@@ -80,29 +80,23 @@ class ModelSettings:
         unsteady: deviation of the speed, as a share; log-uniform.
     """
 
-    collision_free_share: float
-    dense_collision_free_share: float
-    published_share: float
-    strength: Range
-    range_m: Range
-    anticipation_s: Range
-    border_strength: Range
-    border_range_m: Range
-    unseen_weight: Range
-    direction_push: Range
-    direction_range_m: Range
-    wall_push: Range
-    wall_range_m: Range
-    noise_mps2: Range
-    wander_rad: Range
-    wander_s: Range
-    unsteady: Range
-
-    def __post_init__(self) -> None:
-        positive = "strength range_m border_strength border_range_m direction_range_m wall_range_m"
-        others = "anticipation_s noise_mps2 direction_push wall_push"
-        check_intervals(self, {"(0, 1000]": f"{positive} wander_rad wander_s", "[0, 1000]": others})
-        check_intervals(self, {"[0, 1]": "unseen_weight", "(0, 0.5]": "unsteady"})
+    collision_free_share: Annotated[float, In("[0, 1]")]
+    dense_collision_free_share: Annotated[float, In("[0, 1]")]
+    published_share: Annotated[float, In("[0, 1]")]
+    strength: Annotated[Range, In("(0, 1000]")]
+    range_m: Annotated[Range, In("(0, 1000]")]
+    anticipation_s: Annotated[Range, In("[0, 1000]")]
+    border_strength: Annotated[Range, In("(0, 1000]")]
+    border_range_m: Annotated[Range, In("(0, 1000]")]
+    unseen_weight: Annotated[Range, In("[0, 1]")]
+    direction_push: Annotated[Range, In("[0, 1000]")]
+    direction_range_m: Annotated[Range, In("(0, 1000]")]
+    wall_push: Annotated[Range, In("[0, 1000]")]
+    wall_range_m: Annotated[Range, In("(0, 1000]")]
+    noise_mps2: Annotated[Range, In("[0, 1000]")]
+    wander_rad: Annotated[Range, In("(0, 1000]")]
+    wander_s: Annotated[Range, In("(0, 1000]")]
+    unsteady: Annotated[Range, In("(0, 0.5]")]
 
 
 def draw_model(

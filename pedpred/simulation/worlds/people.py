@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from pedpred.fields import Range
-from pedpred.simulation.worlds.drawing import check_intervals, check_shares, draw_name, log_uniform, uniform
+from pedpred.settings import In, Range, Settings
+from pedpred.simulation.worlds.drawing import check_shares, draw_name, log_uniform, uniform
 
 
 class Traits(NamedTuple):
@@ -39,7 +39,7 @@ _RELAXATION_S = (0.2, 2.0)  # those drawn beyond are clipped
 
 
 @dataclass(frozen=True)
-class PeopleSettings:
+class PeopleSettings(Settings):
     """Ranges of the traits; each world draws its own means.
 
     Attributes:
@@ -62,29 +62,26 @@ class PeopleSettings:
         pull_mps2: of groups.
     """
 
-    paces: Mapping[str, float]
-    usual_mps: Range
-    slow_mps: Range
-    fast_mps: Range
-    speed_deviation: Range
-    speed_range_mps: Range
-    relaxation_s: Range
-    collision_free_relaxation_s: Range
-    radius_m: Range
-    headway_share: float
-    headway_s: Range
-    stops_share: float
-    stopping_people: float
-    stop_rate_hz: Range
-    stop_s: Range
-    pull_mps2: Range
+    paces: Mapping[str, Annotated[float, In("[0, 1]")]]
+    usual_mps: Annotated[Range, In("(0, 1000]")]
+    slow_mps: Annotated[Range, In("(0, 1000]")]
+    fast_mps: Annotated[Range, In("(0, 1000]")]
+    speed_deviation: Annotated[Range, In("[0, 1]")]
+    speed_range_mps: Annotated[Range, In("(0, 1000]")]
+    relaxation_s: Annotated[Range, In("(0, 1000]")]
+    collision_free_relaxation_s: Annotated[Range, In("(0, 1000]")]
+    radius_m: Annotated[Range, In("[0.05, 0.5]")]
+    headway_share: Annotated[float, In("[0, 1]")]
+    headway_s: Annotated[Range, In("(0, 1000]")]
+    stops_share: Annotated[float, In("[0, 1]")]
+    stopping_people: Annotated[float, In("[0, 1]")]
+    stop_rate_hz: Annotated[Range, In("(0, 1000]")]
+    stop_s: Annotated[Range, In("(0, 1000]")]
+    pull_mps2: Annotated[Range, In("[0, 1000]")]
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_shares(self, "paces", _PACES)
-        speeds = "usual_mps slow_mps fast_mps speed_range_mps"
-        times = "relaxation_s collision_free_relaxation_s headway_s stop_rate_hz stop_s"
-        check_intervals(self, {"(0, 1000]": f"{speeds} {times}", "[0.05, 0.5]": "radius_m"})
-        check_intervals(self, {"[0, 1]": "stopping_people speed_deviation", "[0, 1000]": "pull_mps2"})
 
 
 def draw_traits(

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
-from pedpred.fields import Range
+from pedpred.settings import In, Range, Settings
 from pedpred.simulation.clutter import ClutterSettings, draw_cluttered_room
-from pedpred.simulation.worlds.drawing import check_intervals, nested, uniform
+from pedpred.simulation.worlds.drawing import uniform
 from pedpred.simulation.worlds.floors import Floor
 from pedpred.simulation.worlds.journeys import Stage
 from pedpred.simulation.worlds.visits import VisitSettings, draw_visits
 
 
 @dataclass(frozen=True)
-class RoomSettings:
+class RoomSettings(Settings):
     """Ranges of rooms.
 
     Attributes:
@@ -27,17 +28,17 @@ class RoomSettings:
         closed_m: openings narrower than this are.
     """
 
-    duration_s: float
+    duration_s: Annotated[float, In("(0, 36000]")]
     side_difference_m: float
-    closed_share: float
-    closed_m: Range
-    clutter: ClutterSettings = nested(ClutterSettings)
-    visits: VisitSettings = nested(VisitSettings)
+    closed_share: Annotated[float, In("[0, 1]")]
+    closed_m: Annotated[Range, In("(0, 10]")]
+    clutter: ClutterSettings
+    visits: VisitSettings
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         least, most = self.clutter.side_m
-        check_intervals(self, {"(0, 36000]": "duration_s", f"[0, {most - least}]": "side_difference_m"})
-        check_intervals(self, {"(0, 10]": "closed_m"})
+        In(f"[0, {most - least}]").check("side_difference_m", self.side_difference_m, "a number")
 
 
 def draw_room(settings: RoomSettings, rng: np.random.Generator) -> Floor:

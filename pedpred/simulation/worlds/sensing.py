@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from pedpred.fields import Range
 from pedpred.scenes import Scene
+from pedpred.settings import In, Range, Settings
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
-from pedpred.simulation.worlds.drawing import check_intervals, log_uniform, uniform
+from pedpred.simulation.worlds.drawing import log_uniform, uniform
 from pedpred.simulation.worlds.floors import Area
 from pedpred.simulation.worlds.heads import Sway, move_to_heads
 from pedpred.simulation.worlds.views import ViewSettings, parse_views
 
 
 @dataclass(frozen=True)
-class SensingSettings:
+class SensingSettings(Settings):
     """Ranges of the faults. A fault with a share occurs in this share of the worlds.
 
     Attributes:
@@ -43,30 +43,25 @@ class SensingSettings:
         views: what is seen of each kind of world.
     """
 
-    rates_hz: tuple[float, ...]
-    noise_m: Range
-    noisy_share: float
-    jitter_s: Range
-    jitter_share: float
-    quantum_m: Range
-    quantum_share: float
-    drop_out: Range
-    drop_out_share: float
-    late_s: Range
-    late_share: float
-    switch: Range
-    switch_share: float
-    sway_m: Range
-    sway_share: float
-    tempo: Range
-    drift_m: Range
-    drift_share: float
+    rates_hz: Annotated[tuple[float, ...], In("(0, 100]")]
+    noise_m: Annotated[Range, In("(0, 1000]")]
+    noisy_share: Annotated[float, In("[0, 1]")]
+    jitter_s: Annotated[Range, In("[0, 1000]")]
+    jitter_share: Annotated[float, In("[0, 1]")]
+    quantum_m: Annotated[Range, In("(0, 1000]")]
+    quantum_share: Annotated[float, In("[0, 1]")]
+    drop_out: Annotated[Range, In("[0, 1)")]
+    drop_out_share: Annotated[float, In("[0, 1]")]
+    late_s: Annotated[Range, In("[0, 1000]")]
+    late_share: Annotated[float, In("[0, 1]")]
+    switch: Annotated[Range, In("(0, 1]")]
+    switch_share: Annotated[float, In("[0, 1]")]
+    sway_m: Annotated[Range, In("[0, 1000]")]
+    sway_share: Annotated[float, In("[0, 1]")]
+    tempo: Annotated[Range, In("[0, 1000]")]
+    drift_m: Annotated[Range, In("[0, 1000]")]
+    drift_share: Annotated[float, In("[0, 1]")]
     views: Mapping[str, ViewSettings] = field(metadata={"parse": parse_views})
-
-    def __post_init__(self) -> None:
-        check_intervals(self, {"(0, 100]": "rates_hz"})
-        check_intervals(self, {"[0, 1000]": "jitter_s late_s sway_m tempo drift_m", "[0, 1)": "drop_out"})
-        check_intervals(self, {"(0, 1000]": "noise_m quantum_m", "(0, 1]": "switch"})
 
 
 class SensedWorld(NamedTuple):

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import LARGEST_SEED, Range
+from pedpred.settings import (
+    LARGEST_SEED,
+    In,
+    Range,
+    Settings,
+)
 from pedpred.simulation.worlds.bottlenecks import BottleneckSettings
 from pedpred.simulation.worlds.corridors import CorridorSettings
-from pedpred.simulation.worlds.drawing import check_intervals, nested
 from pedpred.simulation.worlds.lone import LoneSettings
 from pedpred.simulation.worlds.models import ModelSettings
 from pedpred.simulation.worlds.people import PeopleSettings
@@ -17,7 +22,7 @@ from pedpred.simulation.worlds.squares import SquareSettings
 
 
 @dataclass(frozen=True)
-class GuidanceSettings:
+class GuidanceSettings(Settings):
     """Ranges of `simulation.RoutingSettings`.
 
     Attributes:
@@ -27,19 +32,19 @@ class GuidanceSettings:
         slowest: assumed share of the full speed at `narrow_m`.
     """
 
-    resolution_m: float
-    narrow_m: Range
-    comfortable_m: Range
-    slowest: Range
+    resolution_m: Annotated[float, In("(0, 1000]")]
+    narrow_m: Annotated[Range, In("(0, 1000]")]
+    comfortable_m: Annotated[Range, In("(0, 1000]")]
+    slowest: Annotated[Range, In("(0, 1]")]
 
     def __post_init__(self) -> None:
-        check_intervals(self, {"(0, 1000]": "resolution_m narrow_m comfortable_m", "(0, 1]": "slowest"})
+        super().__post_init__()
         if not self.narrow_m[1] < self.comfortable_m[0]:
             raise ValueRuleError("narrow_m", self.narrow_m, "it must be less than comfortable_m")
 
 
 @dataclass(frozen=True)
-class WorldSettings:
+class WorldSettings(Settings):
     """How worlds are drawn.
 
     Attributes:
@@ -55,16 +60,13 @@ class WorldSettings:
         guidance: ranges of the routes.
     """
 
-    seed: int
-    warm_up_s: float
-    corridor: CorridorSettings = nested(CorridorSettings)
-    bottleneck: BottleneckSettings = nested(BottleneckSettings)
-    room: RoomSettings = nested(RoomSettings)
-    square: SquareSettings = nested(SquareSettings)
-    lone: LoneSettings = nested(LoneSettings)
-    people: PeopleSettings = nested(PeopleSettings)
-    model: ModelSettings = nested(ModelSettings)
-    guidance: GuidanceSettings = nested(GuidanceSettings)
-
-    def __post_init__(self) -> None:
-        check_intervals(self, {"[0, 36000]": "warm_up_s", f"[0, {LARGEST_SEED}]": "seed"})
+    seed: Annotated[int, In(f"[0, {LARGEST_SEED}]")]
+    warm_up_s: Annotated[float, In("[0, 36000]")]
+    corridor: CorridorSettings
+    bottleneck: BottleneckSettings
+    room: RoomSettings
+    square: SquareSettings
+    lone: LoneSettings
+    people: PeopleSettings
+    model: ModelSettings
+    guidance: GuidanceSettings

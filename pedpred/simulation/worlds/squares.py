@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from pedpred.fields import Range
-from pedpred.simulation.worlds.drawing import check_intervals, check_shares, draw_name, nested, uniform
+from pedpred.settings import In, Range, Settings
+from pedpred.simulation.worlds.drawing import check_shares, draw_name, uniform
 from pedpred.simulation.worlds.floors import Area, Floor, ground_cells, paint_disc, paint_rectangle
 from pedpred.simulation.worlds.journeys import Stage
 from pedpred.simulation.worlds.strolls import StrollSettings, draw_strolls
@@ -20,7 +21,7 @@ _OBSTACLES = ("none", "posts", "walls", "both")
 
 
 @dataclass(frozen=True)
-class SquareSettings:
+class SquareSettings(Settings):
     """Ranges of open squares.
 
     Attributes:
@@ -37,29 +38,21 @@ class SquareSettings:
         strolls: who walks.
     """
 
-    duration_s: float
-    side_m: Range
-    obstacles: Mapping[str, float]
-    posts: tuple[int, int]
-    post_radius_m: Range
-    box_m: Range
-    door_m: Range
-    entrances: tuple[int, int]
-    street_share: float
-    entrance_m: Range
-    strolls: StrollSettings = nested(StrollSettings)
+    duration_s: Annotated[float, In("(0, 36000]")]
+    side_m: Annotated[Range, In("[10, 1000]")]
+    obstacles: Mapping[str, Annotated[float, In("[0, 1]")]]
+    posts: Annotated[tuple[int, int], In("[0, 1000]")]
+    post_radius_m: Annotated[Range, In("(0, 1000]")]
+    box_m: Annotated[Range, In("(0, 1000]")]
+    door_m: Annotated[Range, In("(0, 1000]")]
+    entrances: Annotated[tuple[int, int], In("[2, 1000]")]
+    street_share: Annotated[float, In("[0, 1]")]
+    entrance_m: Annotated[Range, In("(0, 1000]")]
+    strolls: StrollSettings
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_shares(self, "obstacles", _OBSTACLES)
-        check_intervals(
-            self,
-            {
-                "(0, 1000]": "post_radius_m box_m door_m entrance_m",
-                "[10, 1000]": "side_m",
-            },
-        )
-        check_intervals(self, {"[0, 1000]": "posts", "[2, 1000]": "entrances"})
-        check_intervals(self, {"(0, 36000]": "duration_s"})
 
 
 def draw_square(settings: SquareSettings, rng: np.random.Generator) -> Floor:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from pedpred.fields import Range
-from pedpred.simulation.worlds.drawing import check_intervals, check_shares, draw_name, log_uniform, uniform
+from pedpred.settings import In, Range, Settings
+from pedpred.simulation.worlds.drawing import check_shares, draw_name, log_uniform, uniform
 from pedpred.simulation.worlds.floors import Floor, draw_points
 from pedpred.simulation.worlds.journeys import Journeys, Visitors, form_groups, single
 
@@ -24,7 +25,7 @@ _PATTERNS = ("one_way", "merging", "two_way", "all")
 
 
 @dataclass(frozen=True)
-class StreamSettings:
+class StreamSettings(Settings):
     """Ranges of the streams between entrances.
 
     Attributes:
@@ -42,23 +43,22 @@ class StreamSettings:
         stopping_share: share of the worlds where people may stop.
     """
 
-    patterns: Mapping[str, float]
-    right_angle_share: float
-    dense_share: float
-    arrivals: Range
-    dense_arrivals: Range
-    unequal: Range
-    waiting_per_m2: Range
-    waiting: int
-    spacing_m: Range
-    grouped_share: float
-    pair_share: float
-    stopping_share: float
+    patterns: Mapping[str, Annotated[float, In("[0, 1]")]]
+    right_angle_share: Annotated[float, In("[0, 1]")]
+    dense_share: Annotated[float, In("[0, 1]")]
+    arrivals: Annotated[Range, In("(0, 1000]")]
+    dense_arrivals: Annotated[Range, In("(0, 1000]")]
+    unequal: Annotated[Range, In("(0, 1000]")]
+    waiting_per_m2: Annotated[Range, In("[0, 1000]")]
+    waiting: Annotated[int, In("[0, 1000]")]
+    spacing_m: Annotated[Range, In("(0, 1000]")]
+    grouped_share: Annotated[float, In("[0, 1]")]
+    pair_share: Annotated[float, In("[0, 1]")]
+    stopping_share: Annotated[float, In("[0, 1]")]
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_shares(self, "patterns", _PATTERNS)
-        rates = "arrivals dense_arrivals unequal spacing_m"
-        check_intervals(self, {"(0, 1000]": rates, "[0, 1000]": "waiting_per_m2 waiting"})
 
 
 def draw_streams(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from pedpred.fields import Range
-from pedpred.simulation.worlds.drawing import check_intervals, log_uniform, uniform
+from pedpred.settings import In, Range, Settings
+from pedpred.simulation.worlds.drawing import log_uniform, uniform
 from pedpred.simulation.worlds.floors import Floor, move_onto_free
 from pedpred.simulation.worlds.journeys import Journeys, Visitors, form_groups, single
 
@@ -21,7 +22,7 @@ _CLUSTER_M = 0.8  # standard deviation of the places in a cluster
 
 
 @dataclass(frozen=True)
-class StrollSettings:
+class StrollSettings(Settings):
     """Ranges of people on open squares.
 
     Attributes:
@@ -41,25 +42,20 @@ class StrollSettings:
         standing_s: least and mean further time that they stand.
     """
 
-    arrivals: Range
-    dense_share: float
-    dense_factor: float
-    detour_share: float
-    detour_people: float
-    pausing_people: Range
-    pause_s: float
-    grouped_share: float
-    groups: Range
-    group_size: tuple[int, int]
-    standing_share: float
-    standing: tuple[int, int]
-    cluster: int
-    standing_s: Range
-
-    def __post_init__(self) -> None:
-        check_intervals(self, {"[0, 1]": "detour_people groups pausing_people", "[0, 1000]": "standing_s"})
-        positive = "arrivals dense_factor pause_s"
-        check_intervals(self, {"(0, 1000]": positive, "[1, 1000]": "standing cluster group_size"})
+    arrivals: Annotated[Range, In("(0, 1000]")]
+    dense_share: Annotated[float, In("[0, 1]")]
+    dense_factor: Annotated[float, In("(0, 1000]")]
+    detour_share: Annotated[float, In("[0, 1]")]
+    detour_people: Annotated[float, In("[0, 1]")]
+    pausing_people: Annotated[Range, In("[0, 1]")]
+    pause_s: Annotated[float, In("(0, 1000]")]
+    grouped_share: Annotated[float, In("[0, 1]")]
+    groups: Annotated[Range, In("[0, 1]")]
+    group_size: Annotated[tuple[int, int], In("[1, 1000]")]
+    standing_share: Annotated[float, In("[0, 1]")]
+    standing: Annotated[tuple[int, int], In("[1, 1000]")]
+    cluster: Annotated[int, In("[1, 1000]")]
+    standing_s: Annotated[Range, In("[0, 1000]")]
 
 
 def draw_strolls(

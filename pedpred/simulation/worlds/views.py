@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.fields import Range, check_names, parsed
 from pedpred.scenes import OccupancyMap
-from pedpred.simulation.worlds.drawing import check_intervals
+from pedpred.settings import In, Range, Settings, check_names, load
 from pedpred.simulation.worlds.floors import Area
 from pedpred.simulation.worlds.world import KINDS
 
 
 @dataclass(frozen=True)
-class ViewSettings:
+class ViewSettings(Settings):
     """Which rectangle of a world a sensor sees.
 
     Attributes:
@@ -27,13 +26,10 @@ class ViewSettings:
         window_m: half of its side.
     """
 
-    cut_x_m: Range
-    cut_y_m: Range
-    window_share: float
-    window_m: Range
-
-    def __post_init__(self) -> None:
-        check_intervals(self, {"(-inf, inf)": "cut_x_m cut_y_m", "(0, 1000]": "window_m"})
+    cut_x_m: Annotated[Range, In("(-inf, inf)")]
+    cut_y_m: Annotated[Range, In("(-inf, inf)")]
+    window_share: Annotated[float, In("[0, 1]")]
+    window_m: Annotated[Range, In("(0, 1000]")]
 
 
 def parse_views(plain: Mapping[str, Any], path: str) -> dict[str, ViewSettings]:
@@ -46,7 +42,7 @@ def parse_views(plain: Mapping[str, Any], path: str) -> dict[str, ViewSettings]:
     check_names(KINDS, plain, path, rule)
     if missing := [kind for kind in KINDS if kind not in plain]:
         raise ValueRuleError(f"{path}.{missing[0]}", None, rule)
-    return {kind: parsed(ViewSettings, view, f"{path}.{kind}") for kind, view in plain.items()}
+    return {kind: load(ViewSettings, view, f"{path}.{kind}") for kind, view in plain.items()}
 
 
 def draw_view(occupancy: OccupancyMap, settings: ViewSettings, rng: np.random.Generator) -> Area:

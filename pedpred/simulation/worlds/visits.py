@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from pedpred.fields import Range
+from pedpred.settings import In, Range, Settings
 from pedpred.simulation.layouts import TargetPool
 from pedpred.simulation.simulator import draw_visiting_plans
-from pedpred.simulation.worlds.drawing import check_intervals, log_uniform, uniform
+from pedpred.simulation.worlds.drawing import log_uniform, uniform
 from pedpred.simulation.worlds.floors import CELL_M, Area, Floor, draw_points
 from pedpred.simulation.worlds.journeys import Journeys, Visitors, draw_number
 
@@ -19,7 +20,7 @@ _AT_WALLS_M = 0.3  # clearance of the places: people walk up to shelves and wall
 
 
 @dataclass(frozen=True)
-class VisitSettings:
+class VisitSettings(Settings):
     """Ranges of people in rooms.
 
     Attributes:
@@ -37,24 +38,18 @@ class VisitSettings:
         standing_people: share of those people.
     """
 
-    per_m2: Range
-    dense_per_m2: Range
-    dense_share: float
-    people: tuple[int, int]
-    targets: int
-    legs: int
-    least_leg_m: float
-    pausing_share: float
-    pausing_people: Range
-    pause_s: Range
-    standing_share: float
-    standing_people: Range
-
-    def __post_init__(self) -> None:
-        check_intervals(self, {"[0, 1]": "pausing_people standing_people", "[1, 1000]": "people legs"})
-        check_intervals(
-            self, {"(0, 1000]": "per_m2 dense_per_m2 pause_s least_leg_m", "[2, 1000]": "targets"}
-        )
+    per_m2: Annotated[Range, In("(0, 1000]")]
+    dense_per_m2: Annotated[Range, In("(0, 1000]")]
+    dense_share: Annotated[float, In("[0, 1]")]
+    people: Annotated[tuple[int, int], In("[1, 1000]")]
+    targets: Annotated[int, In("[2, 1000]")]
+    legs: Annotated[int, In("[1, 1000]")]
+    least_leg_m: Annotated[float, In("(0, 1000]")]
+    pausing_share: Annotated[float, In("[0, 1]")]
+    pausing_people: Annotated[Range, In("[0, 1]")]
+    pause_s: Annotated[Range, In("(0, 1000]")]
+    standing_share: Annotated[float, In("[0, 1]")]
+    standing_people: Annotated[Range, In("[0, 1]")]
 
 
 def draw_visits(

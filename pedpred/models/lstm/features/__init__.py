@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.features.contract import StoredColumn
 from pedpred.features.surroundings import Surroundings
-from pedpred.fields import check_ranges
 from pedpred.geometry import rotate
 from pedpred.models.lstm.features.grids import angular_grids, occupancy_crops, unpack_crops
 from pedpred.scenes import OccupancyMap
+from pedpred.settings import In, Settings
 
 
 @dataclass(frozen=True)
-class LstmFeatures:
+class LstmFeatures(Settings):
     """Sizes of the grids; the defaults are the paper's.
 
     Attributes:
@@ -27,14 +28,13 @@ class LstmFeatures:
         max_range_m: range of that grid, m.
     """
 
-    grid_cells: int = 60
-    grid_resolution_m: float = 0.1
-    angular_cells: int = 72
-    max_range_m: float = 6.0
+    grid_cells: Annotated[int, In("[1, 1000]")] = 60
+    grid_resolution_m: Annotated[float, In("[0.001, 10]")] = 0.1
+    angular_cells: Annotated[int, In("[1, 3600]")] = 72
+    max_range_m: Annotated[float, In("(0, 100]")] = 6.0
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"grid_cells": "[1, 1000]", "angular_cells": "[1, 3600]"})
-        check_ranges(self, {"grid_resolution_m": "[0.001, 10]", "max_range_m": "(0, 100]"})
+        super().__post_init__()
         if self.grid_cells % 4:
             rule = "it must be a multiple of 4: crops are stored in whole bytes"
             raise ValueRuleError("grid_cells", self.grid_cells, rule)

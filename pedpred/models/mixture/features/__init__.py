@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.features.contract import StoredColumn
 from pedpred.features.surroundings import Surroundings
-from pedpred.fields import check_ranges
 from pedpred.geometry import rotate
 from pedpred.models.mixture.features.beams import obstacle_distances
 from pedpred.models.mixture.features.history import PAST, past_positions
 from pedpred.models.mixture.features.nearest import NEIGHBOUR, nearest_neighbours
 from pedpred.scenes import OccupancyMap
+from pedpred.settings import In, Settings
 
 TRACK = 6
 """Numbers of channel "track": last velocity (m/s), the tracker's P_pp, P_pv, P_vv, and age."""
@@ -24,7 +25,7 @@ OLD = 10
 
 
 @dataclass(frozen=True)
-class MixtureFeatures:
+class MixtureFeatures(Settings):
     """Sizes of the inputs.
 
     Attributes:
@@ -35,15 +36,14 @@ class MixtureFeatures:
         beam_range_m: as far as obstacles are seen, m.
     """
 
-    history_steps: int = 8
-    neighbours: int = 16
-    neighbour_range_m: float = 8.0
-    beams: int = 96
-    beam_range_m: float = 10.0
+    history_steps: Annotated[int, In("[1, 100]")] = 8
+    neighbours: Annotated[int, In("[1, 1000]")] = 16
+    neighbour_range_m: Annotated[float, In("(0, 100]")] = 8.0
+    beams: Annotated[int, In("[1, 3600]")] = 96
+    beam_range_m: Annotated[float, In("(0, 100]")] = 10.0
 
     def __post_init__(self) -> None:
-        check_ranges(self, {"history_steps": "[1, 100]", "neighbours": "[1, 1000]", "beams": "[1, 3600]"})
-        check_ranges(self, dict.fromkeys(("neighbour_range_m", "beam_range_m"), "(0, 100]"))
+        super().__post_init__()
         if self.beams % 4:
             raise ValueRuleError("beams", self.beams, "it must be a multiple of 4: they are read by quarters")
 

@@ -1,18 +1,19 @@
 """Laws of forecasts, such as symmetries, each measured as a number with a limit.
 
-The worlds are drawn (`pedpred.online.trials`): speeds, headings, ages, detection rates. Tests state the laws
-one by one; `tools.judge` prints them for a model folder.
+Worlds are drawn at random (`tools.law_worlds`). Tests check the laws for small networks, `tools.judge` for a
+model folder.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from pedpred.online.trials import CROWD, RATES_HZ, Move, World, crowded, standing_people, straight_walkers
 from pedpred.scenes import Forecast
+from tools.law_worlds import CROWD, RATES_HZ, Move, World, crowded, standing_people, straight_walkers
 
 KNOWN = 3
 """Detections from which on laws of motion hold; before, hardly any motion is known."""
@@ -21,9 +22,7 @@ _FAR_M = 30.0
 STRAIGHT = (0.95, 1.05)
 """Forecast over true displacement of people who walk straight on free ground."""
 STANDING_M = 0.15
-MOVED_M = 0.01
-FAR_M = 0.001
-MIRRORED_M = 0.05
+"""Largest distance of the last step from the true position of people who stand, m."""
 
 
 def straight_shares(
@@ -152,3 +151,13 @@ def apart_m(one: Forecast, other: Forecast, counted: np.ndarray) -> float:
     modes = np.linalg.norm(paths[0] - paths[1], axis=-1).max(axis=-1)
     matched = np.maximum(modes.min(axis=2).max(axis=1), modes.min(axis=1).max(axis=1))
     return float(np.maximum(point, matched)[counted].max())
+
+
+GAPS: Mapping[str, tuple[Callable[[Path, np.random.Generator], float], float]] = {
+    "turned by quarters and moved": (moved_gap_m, 0.01),
+    "turned by any angle": (turned_gap_m, 0.01),
+    "other ids and order": (renamed_gap_m, 0.01),
+    "people 30 m away": (far_gap_m, 0.001),
+    "mirrored": (mirrored_gap_m, 0.05),
+}
+"""Change of the world -> its measured effect on forecasts, and the largest that is allowed, m."""

@@ -68,7 +68,7 @@ class World:
 
     Attributes:
         time_s: instants, rising, s. [T]
-        position: detections, world frame, m; NaN where somebody is not there. [T, N, 2]
+        position: detections, world frame, m; NaN where a person is absent. [T, N, 2]
         track_id: different whole numbers. [N]
         occupancy: static obstacles.
     """
@@ -106,7 +106,7 @@ def straight_walkers(
     The first one is the slowest, the second one the fastest.
 
     Returns:
-        The world, and everybody's velocity, m/s [N, 2].
+        The world, and the velocity of each person, m/s [N, 2].
     """
     heading, speed = rng.uniform(-np.pi, np.pi, people), rng.uniform(*SPEEDS_MPS, people)
     speed[:2] = SPEEDS_MPS[: len(speed)]

@@ -1,25 +1,17 @@
-"""Rows that say where places come from, and what is tested, exported, promised and shown."""
+"""Rows of the configuration: where places come from, and what is tested, exported, promised and shown."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-from pedpred.fields import Range, check_ranges, parsed, parsed_each
 from pedpred.report.animation import Animation
-
-
-class Texts:
-    """A row whose fields are texts, lists of them, or true and false."""
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {})
+from pedpred.settings import In, Range, Settings
 
 
 @dataclass(frozen=True)
-class PlaceRow(Texts):
+class PlaceRow(Settings):
     """Where a place's raw files are and how they are read."""
 
     source: str
@@ -28,7 +20,7 @@ class PlaceRow(Texts):
 
 
 @dataclass(frozen=True)
-class FoldRow(Texts):
+class FoldRow(Settings):
     """Sets that a fold trains on and tests."""
 
     test: tuple[str, ...]
@@ -36,7 +28,7 @@ class FoldRow(Texts):
 
 
 @dataclass(frozen=True)
-class ExportRow(Texts):
+class ExportRow(Settings):
     """A network as a model folder."""
 
     networks: str
@@ -45,26 +37,23 @@ class ExportRow(Texts):
 
 
 @dataclass(frozen=True)
-class PromiseRow:
+class PromiseRow(Settings):
     """Largest error of the exported network over that of a simple method."""
 
     method: str
-    most: float
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"most": "(0, 10]"})
+    most: Annotated[float, In("(0, 10]")]
 
 
 @dataclass(frozen=True)
 class OnlineRows:
     """What is exported, and what is promised of it."""
 
-    exports: Mapping[str, ExportRow] = field(metadata={"parse": partial(parsed_each, ExportRow)})
-    promises: Mapping[str, PromiseRow] = field(metadata={"parse": partial(parsed_each, PromiseRow)})
+    exports: Mapping[str, ExportRow]
+    promises: Mapping[str, PromiseRow]
 
 
 @dataclass(frozen=True)
-class SceneRow(Texts):
+class SceneRow(Settings):
     """A recorded scene, and the networks whose forecasts are shown in it."""
 
     scene: str
@@ -72,23 +61,23 @@ class SceneRow(Texts):
 
 
 @dataclass(frozen=True)
-class RecordingRows(Texts):
+class RecordingRows(Settings):
     """What recordings show."""
 
     methods: tuple[str, ...]
-    scenes: Mapping[str, SceneRow] = field(metadata={"parse": partial(parsed_each, SceneRow)})
-    animation: Animation = field(metadata={"parse": partial(parsed, Animation)})
+    scenes: Mapping[str, SceneRow]
+    animation: Animation
 
 
 @dataclass(frozen=True)
-class Reference(Texts):
+class Reference(Settings):
     """The method that differences are taken to."""
 
     reference: str
 
 
 @dataclass(frozen=True)
-class PageRows:
+class PageRows(Settings):
     """What the page holds.
 
     Attributes:
@@ -97,14 +86,11 @@ class PageRows:
     """
 
     replays: Mapping[str, Sequence[str]]
-    avif_speed: int
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"avif_speed": "[0, 10]"})
+    avif_speed: Annotated[int, In("[0, 10]")]
 
 
 @dataclass(frozen=True)
-class PublishedRow:
+class PublishedRow(Settings):
     """Errors that others published under the protocol of `pedpred.literature`.
 
     Attributes:
@@ -115,16 +101,13 @@ class PublishedRow:
     """
 
     name: str
-    samples: int
-    errors_m: Mapping[str, Range]
+    samples: Annotated[int, In("[1, 1000]")]
+    errors_m: Mapping[str, Annotated[Range, In("(0, 1000]")]]
     remark: str = ""
-
-    def __post_init__(self) -> None:
-        check_ranges(self, {"errors_m": "(0, 1000]", "samples": "[1, 1000]"})
 
 
 @dataclass(frozen=True)
 class PublishedRows:
     """What others published."""
 
-    published: Sequence[PublishedRow] = field(metadata={"each": partial(parsed, PublishedRow)})
+    published: Sequence[PublishedRow]

@@ -1,0 +1,373 @@
+"""Pictures show what their rules choose, and draw people, obstacles and curves where they are."""
+
+import dataclasses
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from matplotlib.figure import Figure
+from PIL import Image
+
+from pedpred.errors import ValueRuleError
+from pedpred.geometry import Homography, rotate
+from pedpred.metrics.calibration import radius2, share_inside, squared_mahalanobis
+from pedpred.models.lstm.autoencoder import GridAutoencoder
+from pedpred.models.lstm.features.grids import occupancy_crops
+from pedpred.report.canvas import avif_bytes, png_bytes
+from pedpred.report.curves import by_stage, training_figure
+from pedpred.report.error_plots import horizon_table
+from pedpred.report.gallery import draw_gallery
+from pedpred.report.gather import Evaluated
+from pedpred.report.instants import RULES, Instant, choose, depth_m
+from pedpred.report.places import places_section
+from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turn_points
+from pedpred.report.reconstructions import choose_evenly, reconstruct
+from pedpred.report.regions import ellipse_outline, region_outlines
+from pedpred.report.scene_picture import scene_picture
+from pedpred.report.snapshots import draw_angular_grid, grid_image
+from pedpred.report.walls import RANKS, wall_windows
+from pedpred.scenes import Camera, OccupancyMap, Predictions, Scene, Trajectories
+from tests.forecasts import METHODS, windows_with
+from tests.reports import MEETING, STEPS, curves, metrics_of, planned, result_of, room
+
+# Instants are chosen by rules
+
+
+def chosen(rule, windows, scenes=None, crowd=1):
+    """The instant that a rule chooses; scenes are rooms by default."""
+    scenes = {name: room(name) for name in windows} if scenes is None else scenes
+    return choose(RULES[rule], windows, scenes, crowd, METHODS)
+
+
+def test_the_largest_and_the_smallest_gain_are_chosen():
+    scenes = {"plain": planned(room()), "planted": planned(room(), planted_s=1.2)}
+    best, least = (chosen(rule, scenes, crowd=4) for rule in ("gain", "loss"))
+    assert (best.scene, best.time_s) == ("planted", pytest.approx(1.2))
+    assert f"largest, {0.3 * 0.3 * 5.5:+.3f} m on average over 5 moving" in best.caption
+    assert best.focus in best.rows
+    assert (least.scene, least.time_s) == ("plain", 0.0)
+    assert "smallest, +0.000 m" in least.caption
+
+
+@pytest.mark.parametrize(("crowd", "scene"), [(2, "few"), (3, "many"), (99, "many")])
+def test_gains_are_compared_where_most_people_move(crowd, scene):
+    scenes = {"few": planned(room(), walkers=2, planted_s=0.3), "many": planned(room(), walkers=4)}
+    assert chosen("gain", scenes, crowd=crowd).scene == scene
+
+
+AHEAD_S = (np.arange(10) + 1)[:, None] * 0.3
+
+
+def crossing(starts, velocities, aside_m):
+    """People at one instant; the truth gives way by `aside_m` ([n, 2], m) over the 3 s."""
+    starts, velocities, aside_m = (np.array(part, float) for part in (starts, velocities, aside_m))
+    straight = starts[:, None] + velocities[:, None] * AHEAD_S
+    truth = straight + aside_m[:, None] * np.minimum(AHEAD_S, 1.0)
+    seen = {"track_id": np.arange(len(starts)) + 7, "velocity": velocities}
+    return {"hall": windows_with(starts, truth, {"kalman_cv": straight}, **seen)}
+
+
+def test_two_people_who_make_room_are_chosen():
+    found = chosen(
+        "avoidance",
+        crossing([[2, 5], [6, 5], [2, 9]], [[1, 0], [-1, 0], [1, 0]], [[0, 0.5], [0, -0.5], [0, 0]]),
+    )
+    assert (found.scene, found.who, list(found.rows)) == ("hall", 7, [0, 1, 2])
+    assert "7 and 8" in found.caption
+
+
+@pytest.mark.parametrize(
+    ("velocities", "aside_m"),
+    [
+        ([[1, 0], [-1, 0]], [[0, 0.1], [0, -0.1]]),  # they touch
+        ([[1, 0], [-1, 0]], [[0, 2.0], [0, -2.0]]),  # far apart
+        ([[-1, 0], [1, 0]], [[0, 0.5], [0, -0.5]]),  # leaving each other
+        ([[1, 0], [0.5, 0]], [[0, 0.5], [0, -0.5]]),  # one behind the other
+        ([[1, 0], [-0.1, 0]], [[0, 0.5], [0, -0.5]]),  # one stands
+    ],
+)
+def test_people_who_do_not_meet_are_not_chosen(velocities, aside_m):
+    assert chosen("avoidance", crossing([[2, 5], [4, 5]], velocities, aside_m)) is None
+
+
+def blocked():
+    occupied = np.zeros((100, 100), bool)
+    occupied[40:60, 40:60] = True
+    nobody = Trajectories(np.zeros(0), np.zeros(0, int), np.zeros((0, 2)))
+    return Scene("hall", nobody, OccupancyMap(occupied, np.zeros(2), 0.1), 0.4)
+
+
+def test_depth_is_the_way_to_the_nearest_free_cell():
+    points = np.array([[5.05, 5.05], [4.05, 5.05], [3.95, 5.05], [99.0, 0.0]])
+    np.testing.assert_allclose(depth_m(points, blocked().occupancy), [1.0, 0.1, 0.0, 0.0], atol=0.05)
+
+
+def test_a_person_who_turns_before_an_obstacle_is_chosen():
+    starts = [[3, 5.05], [3, 4.25], [3, 8], [2.9, 5.05]]  # the last one walks through
+    windows = crossing(starts, [[1, 0]] * 4, [[-1.0, 2.5], [-1.0, -2.5], [0, 0], [0, 0]])
+    assert chosen("obstacle", windows, {"hall": blocked()}).who == 7
+    assert chosen("obstacle", crossing([[3, 8]], [[1, 0]], [[0, 0]]), {"hall": blocked()}) is None
+
+
+# Windows at walls
+
+AHEAD = np.arange(1, 6)[:, None] * [1.0, 0.0]
+
+
+def walled(people=9):
+    """A wall at x > 6 m, and people who were there at all times."""
+    occupied = np.zeros((100, 100), bool)
+    occupied[60:] = True
+    time_s, track = np.meshgrid([1.0, 2.0, 3.0], range(people), indexing="ij")
+    position = np.stack([time_s.ravel(), track.ravel() * 0.5], axis=-1)
+    trajectories = Trajectories(time_s.ravel(), track.ravel(), position)
+    return Scene("hall", trajectories, OccupancyMap(occupied, np.zeros(2), 0.1), 1.0)
+
+
+def at_walls(people=9, far=2):
+    """Each person is seen at x = 1, 2, 3 and walks 1 m/step; the LSTM is off by 0.1 m per person's number.
+
+    Of 5 steps ahead 0, 1 and 2 end in the wall; the last `far` people stand away and meet none.
+    """
+    track, x = np.repeat(np.arange(people), 3), np.tile([1.0, 2.0, 3.0], people)
+    away = track >= people - far
+    position = np.stack([np.where(away, 0.5, x), 0.5 + track], axis=-1)
+    straight = position[:, None] + AHEAD * np.where(away, 0.2, 1.0)[:, None, None]
+    truth = np.minimum(straight, [5.5, np.inf])
+    lstm = truth + 0.1 * track[:, None, None] * [0.0, 1.0]
+    return windows_with(position, truth, {"cv": straight, "lstm": lstm}, track_id=track, time_s=x)
+
+
+def test_of_each_person_at_a_wall_the_worst_window_is_a_candidate():
+    windows = at_walls()
+    rows = wall_windows(windows, walled(), METHODS)
+    assert windows.time_s[rows].tolist() == [3.0] * len(RANKS)
+    assert windows.track_id[rows].tolist() == [round(6 * rank) for rank in RANKS]
+    assert not len(wall_windows(at_walls(people=3, far=3), walled(3), METHODS))
+
+
+def test_places_with_walls_have_a_picture_of_them():
+    metrics = metrics_of(MEETING)
+    metrics["cv"]["obstacle_share"] = 0.1
+    results = [replace(result_of(metrics, "hall", ["real/home"]), study="transfer")]
+    evaluated = Evaluated("transfer", "real", results, {"hall": [walled()]}, {"hall": at_walls()}, {}, None)
+    pictures = list(places_section([evaluated], METHODS).pictures)
+    assert [picture.name for picture in pictures] == ["walls_hall", "walls"]
+    assert len(pictures[0].figure.axes) == len(RANKS)
+    assert [text.get_text() for text in pictures[1].figure.axes[0].texts] == ["hall"]
+
+
+# People, forecasts and inputs
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, 1.0, np.pi / 2, -2.5])
+@pytest.mark.parametrize(("place", "row", "column"), [((2, 0), 10, 30), ((0, 2), 30, 10), ((-2, 0), 50, 30)])
+def test_an_obstacle_ahead_is_drawn_above_and_one_to_the_left_left(heading_rad, place, row, column):
+    agent = np.array([5.0, 5.0])
+    occupied = np.zeros((100, 100), dtype=bool)
+    x, y = np.floor((rotate(np.array(place), heading_rad) + agent) * 10 + 1e-9).astype(int)
+    occupied[x - 1 : x + 2, y - 1 : y + 2] = True
+    place = OccupancyMap(occupied, np.zeros(2), 0.1)
+    crop = occupancy_crops(place, agent[None], np.array([heading_rad]), 60, 0.1)
+    windows = windows_with(agent[None], np.zeros((1, 0, 2)), {}, packed_grid=crop)
+    drawn = np.argwhere(grid_image(windows.grid(0))).mean(axis=0) + 0.5
+    np.testing.assert_allclose(drawn, (row, column), atol=1.5)
+
+
+def test_modes_of_the_person_in_focus_are_wider_if_likelier():
+    paths = np.array([[[[1.0, 0.0]] * STEPS, [[0.0, 1.0]] * STEPS]] * 2)
+    two = Predictions(paths[:, 0], paths, np.array([[0.7, 0.3]] * 2), 0.3)
+    windows = windows_with(np.zeros((2, 2)), paths[:, 0], {"lstm": paths[:, 0]})
+    windows = replace(windows, predictions={"lstm": two})
+    axes = Figure().add_subplot()
+    scene_picture(axes, room(), Instant.of("hall", windows, 0), windows, [METHODS["lstm"]])
+    modes = [line for line in axes.lines if line.get_alpha()]
+    assert [line.get_xydata()[-1].tolist() for line in modes] == [[1.0, 0.0], [0.0, 1.0]]
+    assert modes[0].get_linewidth() ** 2 / modes[1].get_linewidth() ** 2 == pytest.approx(0.7 / 0.3)
+
+
+def gaussians(apart_m, weight=(0.6, 0.4)):
+    """Two round modes of 1 m spread, one step ahead of one person."""
+    path = np.array([[[[0.0, 0.0]], [[apart_m, 0.0]]]])
+    covariance = np.tile(np.eye(2), (1, 2, 1, 1, 1))
+    return Predictions(path[:, 0], path, np.array([weight]), 0.3, covariance)
+
+
+def test_the_region_of_equal_modes_is_that_of_one():
+    outline = np.concatenate(region_outlines(gaussians(0.0), 0, 0, 0.9))
+    np.testing.assert_allclose(np.linalg.norm(outline, axis=-1), np.sqrt(radius2(0.9)), rtol=0.02)
+
+
+def test_a_region_has_a_part_around_every_likely_mode():
+    assert len(region_outlines(gaussians(8.0), 0, 0, 0.9)) == 2
+    assert len(region_outlines(gaussians(8.0, (0.95, 0.05)), 0, 0, 0.9)) == 1
+
+
+def test_the_edge_of_a_region_is_where_its_share_is_inside():
+    outline = np.concatenate(region_outlines(gaussians(2.5), 0, 0, 0.5))[::7]
+    inside = [share_inside(gaussians(2.5), point[None, None])[0, 0] for point in outline]
+    np.testing.assert_allclose(inside, 0.5, atol=0.03)
+
+
+@pytest.mark.parametrize(("cell", "direction"), [(0, (0, 1)), (18, (-1, 0)), (36, (0, -1)), (54, (1, 0))])
+def test_a_person_ahead_is_drawn_above_and_one_to_the_left_left(cell, direction):
+    distance_m = np.full(72, 6.0)
+    distance_m[cell] = 3.0
+    axes = Figure().add_subplot(projection="polar")
+    draw_angular_grid(axes, distance_m, 6.0)
+    edge = cell * 2 * np.pi / 72
+    arcs = [patch for patch in axes.patches if patch.get_y() > 0]
+    assert len(arcs) == 1
+    assert arcs[0].get_x() == pytest.approx(edge)
+    tip, centre = axes.transData.transform([(edge, 3.0), (0.0, 0.0)])
+    np.testing.assert_allclose((tip - centre) / np.linalg.norm(tip - centre), direction, atol=1e-6)
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_obstacles_and_people_turn_together(turns):
+    occupied = np.zeros((7, 4), dtype=bool)
+    occupied[5, 1] = occupied[0, 3] = True
+    occupancy = OccupancyMap(occupied, np.array([2.0, -3.0]), 0.5)
+    image, (left, right, bottom, top) = obstacle_image(occupancy, turns)
+    centres = turn_points(occupancy.center_of(np.argwhere(occupied)), turns)
+    columns, rows = np.floor((centres - [left, bottom]) / 0.5).astype(int).T
+    assert image[rows, columns].all()
+    assert image.sum() == 2
+    assert image.shape == (round((top - bottom) / 0.5), round((right - left) / 0.5))
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_the_plan_lies_like_the_picture(turns):
+    """A step to the right in the camera's picture is a step to the right in the plan."""
+    inverse = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])[[-turns % 4, (1 - turns) % 4]]
+    right_down = np.array([[0.0, 0.02], [-0.02, 0.0]])  # world from (row, column), unturned
+    matrix = np.eye(3)
+    matrix[:2, :2] = inverse.T @ right_down
+    camera = Camera(Homography(matrix), np.zeros((480, 640, 3), np.uint8))
+    step = camera.homography.to_world(np.array([[0.0, 0.0], [0.0, 50.0]]))
+    found = turn_points(np.diff(step, axis=0)[0], quarter_turns_of(camera))
+    np.testing.assert_allclose(found, (1.0, 0.0), atol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
+def test_an_ellipse_is_drawn_where_its_share_ends(share):
+    centre, covariance = np.array([3.0, -1.0]), np.array([[0.5, 0.2], [0.2, 0.3]])
+    outline = ellipse_outline(centre, covariance, share)
+    np.testing.assert_allclose(squared_mahalanobis(outline - centre, covariance), radius2(share))
+
+
+# Curves, crops and sheets
+
+
+def test_curves_are_sorted_into_stages_and_models():
+    found = {stage: list(curves) for stage, curves in by_stage(curves(), METHODS).items()}
+    assert found == {"autoencoder": [""], "main": ["lstm_nogrid", "lstm"], "finetune eth": ["lstm"]}
+    axes = training_figure(curves(), METHODS).axes
+    assert [(own.get_title("left"), own.get_ylabel()) for own in axes] == [
+        ("autoencoder", "validation IoU"),
+        ("main", "validation ADE [m]"),
+        ("finetune eth", "validation ADE [m]"),
+    ]
+    assert [line.get_label() for line in axes[1].lines] == ["LSTM-noGrid, 0.400", "LSTM, 0.400"]
+    assert axes[2].lines[0].get_xydata().tolist() == [[5.0, 0.5], [10.0, 0.4]]
+
+
+def galleries():
+    scene = room()
+    simulated = result_of(metrics_of(MEETING))
+    real = result_of(metrics_of(MEETING | {"ca": 9.0}), "hall", ["real/home"])
+    windows = {"hall": planned(scene, planted_s=0.9)}
+    matrix = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 20.0], [0.0, 0.0, 1.0]])
+    picture = np.random.default_rng(7).integers(0, 256, (600, 600, 3), dtype=np.uint8)
+    torch.manual_seed(0)
+    network = GridAutoencoder(60, 8)
+    seen = room(camera=Camera(Homography(matrix), picture))
+    sets = {"sim_test": [scene], "main": [scene] * 3}
+    sections = draw_gallery(
+        Evaluated("sim", "simulated", [simulated], sets, windows, curves(), network), METHODS
+    )
+    sections += draw_gallery(
+        Evaluated("real", "real", [real], {"hall": [seen]}, windows, {}, network), METHODS
+    )
+    return [picture for section in sections for picture in section.pictures]
+
+
+def test_all_pictures_come_out_the_same_twice_and_small():
+    first, second = galleries(), galleries()
+    assert len(first) == 12
+    for one, two in zip(first, second, strict=True):
+        file = png_bytes(one.figure)
+        assert file == png_bytes(two.figure), one.name
+        assert b"Software" not in file
+        # the layout's last digits depend on addresses in memory, and lines would move with them
+        bounds = np.array([axes.get_position(original=True).bounds for axes in one.figure.axes])
+        np.testing.assert_allclose(bounds, np.round(bounds, 6), rtol=0, atol=1e-12)
+        if "camera" not in one.name:  # its background is noise here, the worst case for a PNG
+            assert len(file) < 300_000, one.name
+        assert min(Image.open(io.BytesIO(file)).size) > 200
+    packed = avif_bytes(first[0].figure, 10)
+    assert packed == avif_bytes(second[0].figure, 10)
+    assert Image.open(io.BytesIO(packed)).format == "AVIF"
+    assert len(packed) < len(png_bytes(first[0].figure))
+
+
+@pytest.mark.parametrize("lack", ["lstm", "motion"])
+def test_a_place_without_the_main_method_or_without_motion_has_no_instants(lack):
+    scene, windows = room(), planned(room())
+    if lack == "lstm":
+        del windows.predictions["lstm"]
+    else:
+        windows = dataclasses.replace(windows, velocity=0.0 * windows.velocity)
+    figures = {key: errors for key, errors in metrics_of(MEETING).items() if key in windows.predictions}
+    evaluated = Evaluated(
+        "sim", "simulated", [result_of(figures)], {"sim_test": [scene]}, {"hall": windows}, {}, None
+    )
+    sections = {section.title: section for section in draw_gallery(evaluated, METHODS)}
+    assert "Instants, chosen by rule" not in sections
+    assert next(iter(sections)) == "Error over the horizon"
+
+
+def test_crops_are_chosen_at_even_ranks_of_occupied_share():
+    shares = np.random.default_rng(0).permutation(101) + 71  # 72 cells are a fiftieth
+    packed = np.packbits(np.arange(3600) < shares[:, None], axis=1, bitorder="little")
+    scenes = {"hall": windows_with(np.zeros((101, 2)), np.zeros((101, 0, 2)), {}, packed_grid=packed)}
+    assert choose_evenly(scenes, 4).sum(axis=(1, 2)).tolist() == [72, 105, 138, 171]
+    assert len(choose_evenly(scenes, 999)) == 100
+    assert len(choose_evenly({}, 4)) == 0
+
+
+def test_each_crop_is_reconstructed_by_itself():
+    network = GridAutoencoder(60, 8)
+    crops = np.random.default_rng(0).random((3, 60, 60)) < 0.2
+    (images, agreement), (alone, _) = reconstruct(network, crops), reconstruct(network, crops[2:])
+    np.testing.assert_array_equal(images[2:], alone)
+    occupied = images[0] > 0.5
+    assert agreement[0] == pytest.approx((occupied & crops[0]).sum() / (occupied | crops[0]).sum())
+
+
+def test_a_sheet_shows_every_room_apart_from_the_others_with_its_own_tracks():
+    axes = contact_sheet([room(name) for name in ("a", "b", "c")], 6.0, columns=2).axes[0]
+    corners = [np.reshape(image.get_extent(), (2, 2)).T for image in axes.images]
+    assert [tuple(low) for low, _ in corners] == [(0.0, 21.0), (21.0, 21.0), (0.0, 0.0)]
+    for (low, high), tracks in zip(corners, axes.collections, strict=True):
+        assert len(tracks.get_segments()) == 6
+        points = np.concatenate(tracks.get_segments())
+        np.testing.assert_allclose([points.min(axis=0) - low, high - points.max(axis=0)], [[2, 3], [11.5, 7]])
+
+
+def test_forecasts_of_an_unknown_scene_are_refused():
+    results, sets = [result_of(metrics_of(MEETING))], {"sim_test": [room()]}
+    with pytest.raises(ValueRuleError):
+        draw_gallery(
+            Evaluated("sim", "simulated", results, sets, {"attic": planned(room())}, {}, None), METHODS
+        )
+
+
+def test_the_horizon_table_has_a_row_per_step_and_sorts_as_text():
+    metrics = metrics_of(MEETING)
+    table = horizon_table(result_of(metrics), METHODS)
+    assert list(table["horizon_s"]) == sorted(table["horizon_s"])
+    assert table["lstm"].tolist() == metrics["lstm"]["per_step_m"]
+    assert table["horizon_s"].iloc[-1] == f"{0.3 * len(table):.1f}"

@@ -1,0 +1,398 @@
+"""Tables and sentences state the figures of the metric files, for any selection of places and methods."""
+
+import json
+import re
+from dataclasses import replace
+from itertools import combinations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from pedpred.config import plain, read_params
+from pedpred.errors import InputError, ValueRuleError
+from pedpred.metrics import METRICS, Metric
+from pedpred.report.document import Picture, Pictures, Section, join_pages, markdown_table
+from pedpred.report.findings import judge_expectations, sum_up
+from pedpred.report.gather import Evaluated, scene_names, study_page
+from pedpred.report.methods import Method, Methods
+from pedpred.report.places import places_section, places_table, ratios_table, relative_errors, wins
+from pedpred.report.results import ADE_GAP, read_metrics, results_frame, results_of
+from pedpred.report.sections import answer
+from pedpred.report.tables import calibration_table, further_table, metrics_table, steps_table
+from pedpred.settings import load
+from tests.conftest import ROOT
+from tests.forecasts import METHODS, PAPER
+from tests.reports import MEETING, STEPS, metrics_of, result_of, room
+from tools.readme import tables_from
+
+SIMULATED = [{"test": ["simulated/sim_test"]}]
+
+
+def cells_of(table):
+    """Rows of a Markdown table by their first cell, without emphasis of that."""
+    rows = [row.strip("| ").split(" | ") for row in table.markdown("").splitlines()]
+    return {row[0].strip("*"): row[1:] for row in rows if set(row[0]) != {"-"}}
+
+
+def page_of(key, results, pictures=()):
+    kind = {"sim": "simulated", "real": "real"}[key]
+    return study_page(Evaluated(key, kind, results, {}, {}, {}, None), pictures, METHODS, PAPER).markdown(key)
+
+
+# The table of results
+
+
+def test_every_figure_of_a_metric_file_is_a_row():
+    metrics = {"eth": metrics_of(MEETING)}
+    frame = results_frame({"real": metrics, "walking": {"main": {"states": 3}}, "latency": {"updates": [1]}})
+    for row in frame.itertuples():
+        found = metrics[row.place][row.method][row.figure]
+        assert row.value == (found[row.step - 1] if row.step else found)
+    values = [v for own in metrics["eth"].values() for k, v in own.items() if not k.endswith("_ci95")]
+    assert len(frame) == sum(len(value) if isinstance(value, list) else 1 for value in values)
+    assert set(frame["study"]) == {"real"}
+
+
+def test_a_figure_keeps_its_interval_and_a_null_has_no_row():
+    own = {"ade_m": 0.5, "ade_m_ci95": [0.4, 0.6], "nll": None, "fde_m": 1.0, "fde_m_ci95": [None, None]}
+    figures = result_of({"cv": own}).figures
+    assert figures.get("cv", "ade_m") == (0.5, (0.4, 0.6))
+    assert figures.get("cv", "fde_m") == (1.0, None)
+    assert figures.get("cv", "nll") is None
+
+
+def test_a_metric_file_without_a_needed_figure_is_refused(tmp_path):
+    path = tmp_path / "sim.json"
+    scenes = {"sim_test": metrics_of(MEETING)}
+    path.write_text(json.dumps(scenes))
+    assert read_metrics(path) == scenes
+    del scenes["sim_test"]["cv"]["tracks"]
+    path.write_text(json.dumps(scenes))
+    with pytest.raises(InputError) as error:
+        read_metrics(path)
+    assert "sim_test/cv/tracks" in str(error.value)
+
+
+def test_a_test_set_without_figures_is_refused():
+    with pytest.raises(ValueRuleError):
+        results_of({"eth": metrics_of(MEETING)}, SIMULATED, "sim", 0.3)
+
+
+def test_parts_belong_to_the_longest_name_that_fits():
+    sets = dict.fromkeys(("hall", "hall_wide", "hall_wide_a", "hall_b"), metrics_of(MEETING))
+    folds = [{"test": [f"real/{name}"]} for name in ("hall", "hall_wide")]
+    assert [list(result.parts) for result in results_of(sets, folds, "real", 0.3)] == [["b"], ["a"]]
+
+
+# Methods
+
+
+def test_methods_keep_order_and_colour():
+    assert METHODS.ordered(["zebra", "lstm", "cv", "aaa"]) == ["cv", "lstm", "aaa", "zebra"]
+    assert (METHODS["zebra"].label, METHODS["zebra"].role) == ("zebra", "other")
+    for shown in ("colour", "label"):
+        assert len({getattr(method, shown) for method in METHODS}) == len(METHODS.rows)
+
+
+def test_an_ablation_names_its_network():
+    ((part, whole),) = METHODS.ablations
+    assert (part.role, whole.role) == ("ablation", "network")
+    for row, of in ((part, ""), (whole, "cv")):
+        with pytest.raises(ValueRuleError):
+            load(Method, vars(row) | {"of": of}, f"methods.{row.key}")
+    with pytest.raises(ValueRuleError):
+        replace(METHODS, rows=tuple(replace(row, of="cv") if row is part else row for row in METHODS))
+
+
+def test_the_reference_is_a_simple_method():
+    assert METHODS.reference in METHODS.simple
+    for key in ("lstm", "zebra"):
+        with pytest.raises(ValueRuleError):
+            replace(METHODS, reference=METHODS[key])
+
+
+# Expectations
+
+
+def judged(metrics, train=()):
+    return [finding for _, finding in judge_expectations(result_of(metrics, train=train), PAPER, METHODS)]
+
+
+@pytest.mark.parametrize(
+    ("changed", "missed"),
+    [
+        ({}, []),
+        ({"social_force": 0.41}, ["SF, true goal below LSTM"]),
+        ({"lstm": 0.51}, ["LSTM below LSTM-noGrid", "LSTM-noGrid / LSTM at least 1.15"]),
+        ({"lstm_nogrid": 0.61}, ["LSTM-noGrid below Kalman CV"]),
+        ({"lstm": 0.45}, ["LSTM-noGrid / LSTM at least 1.15"]),
+    ],
+)
+def test_expectations_are_met_or_missed(changed, missed):
+    found = judged(metrics_of(MEETING | changed))
+    assert [finding.claim for finding in found if finding.verdict == "missed"] == missed
+    summary = sum_up([("here", finding) for finding in found])
+    assert all(claim in summary for claim in missed)
+    assert summary.startswith("All 4" if not missed else f"**{len(missed)} of 4")
+
+
+@pytest.mark.parametrize(
+    ("lstm", "verdict", "words"),
+    [(0.594, "met", "1.0 % better"), (0.610, "missed", "1.7 % worse"), (0.500, "met", "16.7 % better")],
+)
+def test_a_gain_is_judged_in_both_directions(lstm, verdict, words):
+    metrics = metrics_of(MEETING | {"lstm": lstm}, spread_m=0.001)
+    *_, below_cv, gain = judged(metrics, train=["real/home"])
+    assert (below_cv.verdict, gain.verdict, gain.measured) == ("met", verdict, words)
+    assert f"{words} than the Kalman CV's 0.600 m" in answer(result_of(metrics), METHODS)
+
+
+def test_a_difference_whose_interval_includes_0_is_called_so():
+    unsure = metrics_of(MEETING | {"lstm": 0.595}, spread_m=0.02)
+    assert "not distinguishable" in answer(result_of(unsure), METHODS)
+    assert "includes 0" in judged(unsure, train=["real/home"])[-1].measured
+    assert "not distinguishable" not in answer(result_of(metrics_of(MEETING)), METHODS)
+
+
+def test_a_method_without_figures_is_not_judged():
+    metrics = metrics_of({"cv": 0.7, "kalman_cv": 0.6})
+    assert {finding.verdict for finding in judged(metrics)} == {"not measured"}
+    assert "was not evaluated" in answer(result_of(metrics), METHODS)
+
+
+# Tables of a test set
+
+
+def test_a_row_of_metrics_holds_figures_and_intervals():
+    rows = cells_of(metrics_table(result_of(metrics_of(MEETING)), METHODS))
+    assert rows["CV"][:5] == ["0.700 (0.680 to 0.730)", "1.330", "0.770", "-", "1.23 %"]
+    assert rows["CV"][5:] == ["20.00 %", "+0.100 (+0.090 to +0.110)"]
+    assert rows["Kalman CV"][-1] == "-"
+
+
+def test_a_figure_without_an_interval_has_none_in_a_table():
+    metrics = metrics_of(MEETING)
+    metrics["lstm"] |= {f"{key}_ci95": [None, None] for key in ("moving_ade_m", ADE_GAP)}
+    row = metrics_table(result_of(metrics), METHODS).rows[-1]
+    assert (row.cells[3].tip, row.cells[-1].text) == ("", "-")
+
+
+def test_every_metric_is_in_one_table(monkeypatch):
+    monkeypatch.setitem(METRICS, "toy_share", Metric("toy", "%", "higher", None))
+    metrics = metrics_of({"cv": 0.7, "kalman_cv": 0.6, "lstm": 0.4})
+    for own in metrics.values():
+        own |= {"min_ade_m_k3": 0.9 * own["ade_m"], "min_ade_m_k6": own["ade_m"], "toy_share": 0.5}
+    result = result_of(metrics)
+    further = cells_of(further_table(result, METHODS))
+    assert further["method"] == ["minADE3 [m]", "toy"]
+    assert (further["CV"], further["Kalman CV"]) == (["0.630", "50.00 %"], ["0.540", "50.00 %"])
+    assert "minADE6 [m]" not in metrics_table(result, METHODS).header  # it repeats the ADE
+    metrics["lstm"] |= {"min_ade_m_k6": 0.3, "mode_collision_share": 0.1}
+    first = cells_of(metrics_table(result_of(metrics), METHODS))
+    assert first["method"][2:5] == ["minADE6 [m]", "ADE moving [m]", "NLL [nats]"]
+    assert first["LSTM"][2:8] == ["0.300", "0.440", "0.50", "1.23 %", "20.00 %", "10.00 %"]
+
+
+def test_coverage_is_listed_at_three_times():
+    table = cells_of(calibration_table(result_of(metrics_of(MEETING)), METHODS))
+    assert list(table) == ["after 0.3 / 1.5 / 3.0 s", "LSTM"]
+    assert table["LSTM"] == ["51 / 51 / 51", "91 / 91 / 91", "96 / 96 / 96", "-4.00 / -1.33 / 2.00"]
+    assert calibration_table(result_of(metrics_of({"cv": 1.0, "kalman_cv": 0.5})), METHODS) is None
+
+
+def test_errors_over_the_horizon_are_listed():
+    table = cells_of(steps_table(result_of(metrics_of(MEETING)), METHODS))
+    assert table["method"] == [f"{0.3 * step:.1f} s" for step in range(1, STEPS + 1)]
+    assert table["LSTM"][-1] == "0.760 (0.380, 0.760, 1.140)"
+
+
+@given(st.lists(st.sampled_from(["a|b", "|", "eth", "1"]), min_size=3, max_size=3))
+def test_a_bar_in_a_cell_adds_no_column(cells):
+    lines = markdown_table(cells, [cells]).split("\n")
+    assert {len(re.findall(r"(?<!\\)\|", line)) for line in lines} == {4}
+
+
+# Pages
+
+
+@pytest.mark.parametrize(("key", "train"), [("sim", []), ("real", ["real/home"])])
+def test_noncausal_figures_are_marked_before_the_first_table(key, train):
+    metrics = metrics_of(MEETING)
+    marked = {name: own | {"noncausal": True} for name, own in metrics.items()}
+    heads = [page_of(key, [result_of(m, train=train)]).partition("|")[0] for m in (metrics, marked)]
+    assert ["Non-causal" in head for head in heads] == [False, True]
+
+
+def test_the_page_on_simulation_lists_scenes_and_pictures():
+    metrics, worse = metrics_of(MEETING), metrics_of(MEETING | {"lstm": 0.65})
+    sets = {"sim_test": metrics, "sim_test_office": metrics, "sim_test_g0": worse}
+    pictures = [Picture(f"p{k}", f"caption {k}", Figure()) for k in range(3)]
+    page = page_of("sim", results_of(sets, SIMULATED, "sim", 0.3), [Section("Look", [Pictures(pictures, 2)])])
+    assert "| office | 1234 |" in page
+    assert "LSTM below Kalman CV in 1 of 2; LSTM below LSTM-noGrid in 1 of 2." in page
+    assert "![p2](sim/p2.png)<br>caption 2" in page
+
+
+def test_the_page_on_real_people_names_the_folds():
+    folds = [{"train": ["real/hotel", "real/zara"], "test": ["real/eth"]}]
+    folds += [{"train": ["real/eth", "real/zara", "real/corner", "simulated/main"], "test": ["real/hotel"]}]
+    sets = {"eth": metrics_of(MEETING), "hotel": metrics_of(MEETING)}
+    page = page_of("real", results_of(sets, folds, "real", 0.3))
+    assert "At eth (fine-tuned on hotel and zara)" in page
+    assert "At hotel (fine-tuned on 3 other recordings)" in page
+
+
+def test_joined_pages_keep_links_and_lower_headings():
+    page = join_pages(["# One\n\n![a](sim/a.png)\n", "# Two\n\n## Part\n"])
+    headings = [row for row in page.split("\n") if row.startswith("#")]
+    assert headings == ["# Report", "## One", "## Two", "### Part"]
+    assert "![a](sim/a.png)" in page
+
+
+def test_scenes_of_one_name_in_two_test_sets_are_told_apart():
+    rooms = [room(name) for name in ("office", "plaza")]
+    sets = {"sensed": rooms[:1], "main": rooms, "sim_test": rooms}
+    assert scene_names(["sim_test", "sensed", "gone", "sim_test"], sets) == {
+        ("sim_test", "office"): "office",
+        ("sim_test", "plaza"): "plaza",
+        ("sensed", "office"): "sensed_office",
+    }
+
+
+# Real places side by side
+
+
+def at_places(study, errors_m, missing=()):
+    """Figures at two places; `errors_m`: place -> the LSTM's ADE there, m."""
+    metrics = {place: metrics_of(MEETING | {"lstm": ade}) for place, ade in errors_m.items()}
+    trained = {"train": ["real/barn"]} if study == "real" else {}
+    folds = [{"test": [f"real/{place}"]} | trained for place in ("hall", "yard")]
+    return results_of(metrics, folds, study, 0.3, missing)
+
+
+STUDIES = {
+    "transfer": at_places("transfer", {"hall": 0.3, "yard": 0.72}),
+    "real": at_places("real", {"hall": 0.33, "yard": 0.5}),
+}
+
+
+def test_errors_are_relative_to_the_best_simple_method():
+    (hall, _) = STUDIES["transfer"]
+    found = relative_errors([hall], METHODS).set_index("method").loc["lstm"]
+    assert found["ratio"] == pytest.approx(0.3 / min(MEETING[key] for key in ("cv", "ca", "kalman_cv")))
+    assert (found["share"], found["named"]) == (0.0123, True)
+    rooms = dict.fromkeys(("set", "set_a", "set_b"), metrics_of(MEETING))
+    pooled = relative_errors(results_of(rooms, [{"test": ["simulated/set"]}], "sim", 0.3), METHODS)
+    assert pooled["place"].unique().tolist() == ["set_a", "set_b"]
+
+
+def test_a_network_has_a_column_per_training():
+    table = cells_of(places_table(STUDIES, "ade_m", METHODS))
+    assert table["ADE [m]"] == [
+        *("CV", "CA", "Kalman CV", "SF, true goal"),
+        *("LSTM-noGrid, simulated", "LSTM-noGrid, tuned", "LSTM, simulated", "LSTM, tuned"),
+    ]
+    assert table["hall"][-2:] == ["0.300 (0.280 to 0.330)", "0.330 (0.310 to 0.360)"]
+    assert table["yard"][0] == "0.700 (0.680 to 0.730)"
+
+
+def test_wins_and_ratios_are_counted_by_place():
+    words = wins(STUDIES, METHODS["lstm"], METHODS)
+    assert re.findall(r"at (\d) of (\d)", words) == [("1", "2"), ("2", "2")]
+    assert re.findall(r"\((.+?) times", words) == ["0.50 to 1.20", "0.55 to 0.83"]
+    table = cells_of(ratios_table(STUDIES, METHODS))
+    assert table["hall"] == ["0.600 (0.580 to 0.630)", "**0.50**", "**0.55**", "**0.83**", "**0.83**", "1.00"]
+    assert table["yard"] == ["0.600 (0.580 to 0.630)", "1.20", "**0.83**", "**0.83**", "**0.83**", "1.00"]
+
+
+def test_networks_without_fine_tuning_are_not_called_fine_tuned():
+    sets = [{"train": ["real/lost"], "test": ["real/hall"]}]
+    results = results_of({"hall": metrics_of(MEETING)}, sets, "real", 0.3, ["real/lost"])
+    assert "simulation only" in wins({"real": results}, METHODS["lstm"], METHODS)
+
+
+def section_of(results, missing=None, scenes=None):
+    evaluated = Evaluated("transfer", "real", results, scenes or {}, {}, {}, None, missing or {})
+    return places_section([evaluated], METHODS), evaluated
+
+
+def test_a_missing_place_is_listed_with_how_to_get_it():
+    section, _ = section_of(at_places("transfer", {"hall": 0.3}, ["real/yard"]), {"yard": "ask for it"})
+    assert "| yard | ask for it |" in section.markdown("")
+    nothing, _ = section_of([], {"hall": "ask", "yard": "ask"})
+    assert not list(nothing.pictures)
+
+
+def test_stand_ins_are_not_called_real():
+    found = results_of({"hall": metrics_of(MEETING)}, [{"train": [], "test": ["real/hall"]}], "real", 0.3)
+    section, evaluated = section_of(found, scenes={"hall": [replace(room(), stand_in="drawn by hand")]})
+    text = section.markdown("places")
+    assert "hall, drawn by hand" in text
+    assert not [words for words in ("eal places", "never saw", "fine-tuned") if words in text]
+    assert study_page(evaluated, [], METHODS, PAPER).markdown("real").count("drawn by hand") == 1
+
+
+@pytest.mark.parametrize(
+    "left_out", [("cv",), ("kalman_cv",), ("cv", "kalman_cv"), ("cv", "ca", "kalman_cv")]
+)
+def test_places_are_compared_with_the_simple_methods_there(left_out):
+    metrics = {place: metrics_of(MEETING) for place in ("hall", "yard")}
+    for own in metrics.values():
+        for method in left_out:
+            del own[method]
+    results = results_of(metrics, [{"test": ["real/hall", "real/yard"]}], "transfer", 0.3)
+    section, _ = section_of(results)
+    assert ("hall" in section.blocks[1].markdown("")) == (len(left_out) < 3)
+
+
+@pytest.mark.parametrize("exact", [{"kalman_cv"}, set(MEETING)])
+def test_exact_forecasts_have_pages(exact):
+    metrics = metrics_of(MEETING)
+    for figures in (metrics[method] for method in exact):
+        figures |= {key: 0.0 for key, value in figures.items() if isinstance(value, float)}
+        figures |= {key: [0.0] * len(value) for key, value in figures.items() if isinstance(value, list)}
+    section, evaluated = section_of(results_of({"hall": metrics}, [{"test": ["real/hall"]}], "transfer", 0.3))
+    page = study_page(evaluated, [], METHODS, PAPER).markdown("")
+    assert ("no better" if "lstm" in exact else "worse") in page
+    assert section.blocks
+
+
+# Tables on README and in docs/
+
+
+@pytest.fixture(scope="module")
+def all_methods():
+    params = plain(read_params(ROOT))
+    return Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
+
+
+@pytest.fixture
+def studies():
+    files = {study: ROOT / f"reports/metrics/{study}.json" for study in ("transfer", "real")}
+    return {study: json.loads(path.read_text()) for study, path in files.items()}
+
+
+def test_a_place_of_one_study_has_an_empty_cell_for_the_other(studies, all_methods):
+    studies["real"]["crossing"] = studies["real"]["eth"]
+    row = tables_from(studies, all_methods)["places"].splitlines()[-1]
+    assert row.startswith("| crossing | ")
+    assert row.count("|  |") == 1  # of the network that is trained in simulation only
+
+
+@pytest.mark.parametrize(
+    "left_out", [s for n in (1, 2, 3) for s in combinations(("cv", "ca", "kalman_cv"), n)]
+)
+def test_tables_do_without_simple_methods(studies, all_methods, left_out):
+    for figures in studies.values():
+        for method in left_out:
+            del figures["eth"][method]
+    tables = tables_from(studies, all_methods)
+    assert "| eth | " in tables["places"]
+    assert (" eth " in tables["headline"]) == (len(left_out) < 3)
+
+
+def test_nothing_relates_to_an_exact_forecast(studies, all_methods):
+    studies["real"]["eth"]["cv"]["ade_m"] = 0.0
+    assert " eth " not in tables_from(studies, all_methods)["headline"]
