@@ -3,33 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pedpred.errors import ValueRuleError
 from pedpred.online import OnlineSettings
+from pedpred.ros.identities import MODES
 from pedpred.ros.people import PEOPLE_FIELDS, parse_fields
 from pedpred.ros.tf import frame_name
 from pedpred.scenes.people import PERSON_CLASSES
-from pedpred.settings import check_choice, check_ranges
+from pedpred.settings import In, OneOf, Settings, check_choice
 from pedpred.tracking.tracks import LOST_AFTER_S
 
-_CHOICES: dict[str, Sequence[str]] = {
-    "people_reliability": ("best_effort", "reliable"),
-    "identities": ("auto", "given", "assigned"),
-}
 _TYPE = re.compile(r"\w+/msg/\w+")
-_RANGES = {
-    "transform_timeout_s": "[0, 60]",
-    "max_wait_s": "[0.1, 3600]",
-    "detection_noise_m": "[0, 10]",
-    "occupancy_cell_m": "[0, 100]",
-    "most_people": "[1, 100000]",
-    "max_age_s": f"[0, {LOST_AFTER_S:g}]",
-    "ignore_near_robot_m": "[0, 100]",
-}
 
 
 def _parameter(default: Any, text: str, live: bool = False) -> Any:
@@ -38,7 +26,7 @@ def _parameter(default: Any, text: str, live: bool = False) -> Any:
 
 
 @dataclass(frozen=True)
-class NodeSettings:
+class NodeSettings(Settings):
     """The parameters of the node, with their default values; `described` explains them.
 
     Raises:
@@ -56,29 +44,31 @@ class NodeSettings:
         "person, such as objects,id=label_id,position=pose.position,class=label; empty: those known of "
         "people_type",
     )
-    people_reliability: str = _parameter(
+    people_reliability: Annotated[str, OneOf(("best_effort", "reliable"))] = _parameter(
         "best_effort",
         "reliability of the subscription to people: best_effort receives from every publisher; or reliable",
     )
     class_ids: tuple[str, ...] = _parameter(
         PERSON_CLASSES, "classes of people in vision_msgs; an empty text: all classes"
     )
-    identities: str = _parameter(
+    identities: Annotated[str, OneOf(MODES)] = _parameter(
         "auto",
         "how people are identified: given, by the ids of messages; assigned, by position; auto, assigned "
         "while ids are missing, shared, or new in each message",
     )
     use_map: bool = _parameter(True, "subscribe to `map`; false: forecast without walls")
     map_frame: str = _parameter("map", "frame of the forecasts until a map comes; then the frame of the map")
-    transform_timeout_s: float = _parameter(
+    transform_timeout_s: Annotated[float, In("[0, 60]")] = _parameter(
         0.2, "how long people wait for the transform of their time, s", True
     )
-    max_wait_s: float = _parameter(
+    max_wait_s: Annotated[float, In("[0.1, 3600]")] = _parameter(
         0.3,
         "messages of people that waited longer for their forecasts are left out until the node catches up, s",
         True,
     )
-    detection_noise_m: float = _parameter(0.0, "standard deviation of a detection's coordinate, m")
+    detection_noise_m: Annotated[float, In("[0, 10]")] = _parameter(
+        0.0, "standard deviation of a detection's coordinate, m"
+    )
     learn_trust: bool = _parameter(
         True, "learn from people who have left how far to trust the network beside straight lines"
     )
@@ -87,18 +77,18 @@ class NodeSettings:
         "a JSON file that stores what was learned at the place, read at the start, written every minute and "
         "at the end; empty: nothing is stored",
     )
-    ignore_near_robot_m: float = _parameter(
+    ignore_near_robot_m: Annotated[float, In("[0, 100]")] = _parameter(
         0.0,
         "detections nearer than this to the origin of the robot's base in /tf are left out, m; 0: none",
         True,
     )
-    max_age_s: float = _parameter(
+    max_age_s: Annotated[float, In(f"[0, {LOST_AFTER_S:g}]")] = _parameter(
         0.5, f"people are forecast until their last detection is this old, {LOST_AFTER_S:g} at most, s"
     )
-    most_people: int = _parameter(
+    most_people: Annotated[int, In("[1, 100000]")] = _parameter(
         1000, "largest number of forecast people; of more, those who came first are forecast"
     )
-    occupancy_cell_m: float = _parameter(
+    occupancy_cell_m: Annotated[float, In("[0, 100]")] = _parameter(
         0.0,
         "side of the cells of `predicted_occupancy` on the map, 0.1 at least, m; above 0.3, people hardly "
         "show; 0: no grids",
@@ -111,15 +101,13 @@ class NodeSettings:
     )
 
     def __post_init__(self) -> None:
-        check_ranges(self, _RANGES)
+        super().__post_init__()
         if self.people_fields:
             parse_fields(self.people_fields)
             if not _TYPE.fullmatch(self.people_type):
                 raise ValueRuleError("people_type", self.people_type, "write package/msg/Name")
         else:
             check_choice("people_type", self.people_type, sorted(PEOPLE_FIELDS))
-        for name, choices in _CHOICES.items():
-            check_choice(name, getattr(self, name), choices)
         if not frame_name(self.map_frame):
             raise ValueRuleError("map_frame", self.map_frame, "it must name a frame, such as map")
 
