@@ -59,6 +59,9 @@ class RosHandler(logging.Handler):
         while len(self._latest) > _MOST_KINDS:
             del self._latest[next(iter(self._latest))]  # the oldest one
         text = self.format(record) + (f" ({count} more like this)" if count else "")
-        is_error, is_warning = record.levelno >= logging.ERROR, record.levelno >= logging.WARNING
-        log = self._logger.error if is_error else self._logger.warning if is_warning else self._logger.info
-        log(text)
+        if record.levelno >= logging.ERROR:  # rclpy wants a line of code for each severity
+            self._logger.error(text)
+        elif record.levelno >= logging.WARNING:
+            self._logger.warning(text)
+        else:
+            self._logger.info(text)
