@@ -224,7 +224,7 @@ def test_people_of_a_robot_that_drives_and_turns(place):
         heard = place.exchange(publish, beat, sent, latched, until, probe, start_s)
         again = place.exchange(publish, beat, sent, volatile, until, probe, start_s)
     assert "map of " in told.read_text()
-    assert "time of /tf goes back" in told.read_text()
+    assert "/tf: stamps of 'base_link' go back" in told.read_text()
     assert "no map has come" not in told.read_text()
     check_walks(again, start_s, frames)
     check_walks(heard, start_s, frames)
@@ -441,12 +441,15 @@ def test_what_colcon_installs_starts_the_node_with_its_parameters(place):
     assert {"launch/pedpred.launch.py", "rviz/pedpred.rviz", "config/nav2_people_layer.yaml"} <= there
     (packages,) = installed.glob("lib/python*/site-packages")
     place.environment["PYTHONPATH"] += f":{packages}"
-    arguments = ["--params-file", str(share / "config/pedpred.yaml"), "-p", "use_map:=false"]
+    arguments = ["--params-file", str(share / "config/pedpred.yaml")]
+    sent = place.folder / "sent"
+    place.peer(publish=[("/map", GRID, "rt")], send=[(0.0, 0, room())], sent=str(sent), done="never")
+    place.wait(sent.exists, "a published map")
     command = (PYTHON, installed / "lib/pedpred_ros/pedpred")
     publish, record = [("/people", PEOPLE_TYPE, "rv")], [("/predicted_occupancy/horizon", GRID, "rt")]
     record.append(("/predictions", CLOUD, "rv"))
     walk = [(k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(5)]
-    with place.node(*arguments, command=command):
+    with place.node(*arguments, command=command, ready="map of "):
         until = {"/predictions": 5, "/predicted_occupancy/horizon": 1}
         heard = place.exchange(publish, (0, people(60.0)), walk, record, until)
     side_m = heard["/predicted_occupancy/horizon"][-1].info.resolution
@@ -474,8 +477,8 @@ def test_a_node_that_still_compiles_ends_when_it_is_told_to(place):
             "pedpred-ros2: failed to initialize rcl: Couldn't parse params file",
         ),
         (("-p", "occupancy_cell:=0.1", "-p", "use_map:=1"), "there is no parameter occupancy_cell: "),
-        (("-r", "people:=/predictions/people"), "'people' = '/predictions/people': this node has it for"),
-        (("-r", "people:=/map"), "'people' = '/map': this node has it for something else"),
+        (("-r", "people:=/predictions/people"), "'people' = '/predictions/people': this node uses it for"),
+        (("-r", "people:=/map"), "'people' = '/map': this node uses it for something else"),
         (("-r", "people:=/parameter_events"), "not activated: Failed to create subscription"),
     ],
 )
