@@ -162,12 +162,24 @@ def test_people_are_forecast_however_late_their_transforms_come_within_the_time_
     follower, told = follower_of(transform_timeout_s=6.0), []
     for k in range(360):
         at_s = 100.0 + k / 30
-        if k >= 120:
-            then_s = 100.0 + (k - 120) / 30
-            raw = transforms(transform("map", "base_link", *robot(then_s), then_s))
+        if at_s > 104.0:
+            raw = transforms(transform("map", "base_link", *robot(at_s - 4.0), at_s - 4.0))
             follower.transforms_came(raw, at_s, False)
         told.append("predictions" in answered(follower, people(at_s, "base_link", eve=(1.0, 0.0)), k / 30))
     assert sum(told[150:]) > 0.7 * len(told[150:])
+
+
+def test_people_before_the_first_transform_do_not_hold_up_later_ones():
+    follower, heard = follower_of(transform_timeout_s=60.0), []
+    for k in range(20):
+        at_s = 100.0 + k / 10
+        if k >= 5:
+            follower.transforms_came(
+                transforms(transform("map", "base_link", *robot(at_s), at_s)), at_s, False
+            )
+        heard.append("predictions" in answered(follower, people(at_s, "base_link", eve=(1.0, 0.0)), k / 10))
+    assert heard == [False] * 5 + [True] * 15
+    assert follower.counts.lost == 5
 
 
 def test_the_wait_for_a_transform_is_part_of_the_latency():

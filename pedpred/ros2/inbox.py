@@ -122,6 +122,8 @@ class Inbox:
     def ready(self, now_s: float, target: str) -> Iterator[Arrival]:
         """Messages whose transforms have come; those that have waited too long are left out.
 
+        So are those of a time before the first transform, which will not come any more.
+
         Args:
             now_s: as that of `take_people`.
             target: frame to which transforms are needed.
@@ -130,7 +132,8 @@ class Inbox:
             first = self._waiting[0]
             detected, waited_s = first.detected, self.settings.transform_timeout_s
             lack = self.frames.lack(detected.frame, target, detected.time_s) if detected.ids else ""
-            if lack and now_s - first.read_s < waited_s:
+            is_past = lack and self.frames.begin_later(detected.frame, target, detected.time_s)
+            if lack and not is_past and now_s - first.read_s < waited_s:
                 return
             self._waiting.popleft()
             if lack:
