@@ -185,7 +185,7 @@ def _made(hint: Any, plain: Any, path: str) -> Any:
         return _made(get_args(hint)[0], plain, path)
     origin, inside = get_origin(hint), get_args(hint)
     if is_dataclass(hint):
-        return load(hint, plain, path)  # type: ignore[arg-type]
+        return plain if isinstance(plain, hint) else load(hint, plain, path)  # type: ignore[arg-type]
     if isinstance(origin, type) and issubclass(origin, Mapping) and is_dataclass(inside[1]):
         return load_each(inside[1], plain, path)  # type: ignore[arg-type]
     if isinstance(origin, type) and issubclass(origin, Sequence):
@@ -222,7 +222,7 @@ def load_each(kind: type[Kind], plain: Any, path: str = "") -> dict[str, Kind]:
         ValueRuleError: it is not a dictionary, or an entry breaks a rule of `load`.
     """
     check_mapping(path, plain)
-    return {name: load(kind, entry, field_path(path, name)) for name, entry in plain.items()}
+    return {name: _made(kind, entry, field_path(path, name)) for name, entry in plain.items()}
 
 
 def check_mapping(field: str, value: Any) -> None:

@@ -1,4 +1,4 @@
-"""The ROS node between messages: messages as they are on the wire, and what a follower answers."""
+"""Messages as bytes for a follower, and its answers."""
 
 import numpy as np
 
@@ -12,9 +12,16 @@ from tests.bags import GRID, PEOPLE, TF
 
 
 def follower_of(**values):
-    """Whoever follows people without a map, by settings that differ from the usual ones in some values."""
+    """A follower that does not wait for a map, with some settings; for grids it has one without walls."""
     settings = NodeSettings(**{"use_map": False} | values)
-    return Follower(OnlinePredictor.load(None, settings.online()), settings, clock=lambda: 0.0)
+    return ready(Follower(OnlinePredictor.load(None, settings.online()), settings, clock=lambda: 0.0))
+
+
+def ready(follower):
+    """The follower, with a map of 60 m if its settings ask for grids."""
+    if follower.settings.occupancy_cell_m:
+        follower.map_came(grid(np.zeros((120, 120)), position={"x": -30.0, "y": -30.0}))
+    return follower
 
 
 def people(time_s, frame="map", **places):

@@ -5,13 +5,11 @@ import runpy
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
-from types import SimpleNamespace
 from unittest.mock import MagicMock
 
 import pytest
 import yaml
 
-from pedpred.ros2.events import no_callbacks
 from pedpred.ros2.outputs import output_types
 from pedpred.ros2.settings import NodeSettings, fields_of
 from tests.conftest import ROOT, with_ros
@@ -50,15 +48,20 @@ _ON_A_ROBOT = """
 import sys
 for name in "PIL lz4 matplotlib mcap pandas pyarrow scipy shapely skfmm torch tqdm zstandard".split():
     sys.modules[name] = None  # importing it is an error
+import numpy as np
 from pedpred import OnlinePredictor, warm_up
 from pedpred.ros.message_types import serialize
-from pedpred.ros2 import diagnostics, live_frames, main
+from pedpred.ros.scene_messages import map_message
+from pedpred.ros2 import diagnostics, main
 from pedpred.ros2.follower import Follower
 from pedpred.ros2.outputs import PEOPLE_TYPE
 from pedpred.ros2.settings import NodeSettings
+from pedpred.scenes import OccupancyMap
 warm_up()
 settings = NodeSettings(use_map=False, identities="assigned", occupancy_cell_m=0.5)
 follower = Follower(OnlinePredictor.load(), settings)
+ground = OccupancyMap(np.zeros((9, 9), bool), np.zeros(2), 0.5)
+follower.map_came(serialize("nav_msgs/msg/OccupancyGrid", map_message(ground, 0)))
 turn = {"translation": {"x": 1.0}, "rotation": {"w": 1.0}}
 edges = [{"header": {"frame_id": "map"}, "child_frame_id": "robot", "transform": turn}]
 follower.transforms_came(serialize("tf2_msgs/msg/TFMessage", {"transforms": edges}), 0.0, fixed=True)
@@ -85,15 +88,6 @@ def test_colcon_can_read_the_package():
     command = [ROOT / "build/ros/bin/python", "-c", script, PACKAGE]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.parametrize("name", ["event_handler", "qos_event"])
-def test_events_are_silent_in_releases_that_call_their_module_so(name, monkeypatch):
-    """The second one is that of Humble, the first one that of all releases since."""
-    has = {"SubscriptionEventCallbacks": lambda use_default_callbacks: [use_default_callbacks]}
-    for each in ("event_handler", "qos_event"):
-        monkeypatch.setitem(sys.modules, f"rclpy.{each}", SimpleNamespace(**has) if each == name else None)
-    assert no_callbacks() == [False]
 
 
 def test_both_packages_have_one_version():

@@ -97,6 +97,3 @@ def find_usable(
         if lack.any()
     ]
     return placed & ~again, f"left out of {len(order)} detections: {'; '.join(texts)}" if texts else ""
-
-
-from pedpred.ros.old_detections import Instant as Instant  # noqa: E402 (until the node reads DetectionFrame)

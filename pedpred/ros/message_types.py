@@ -112,4 +112,6 @@ def _default(node: Nodetype, about: Any) -> Any:
         return _EMPTY.get(about[0], 0)
     if node == Nodetype.ARRAY and about[0][0] == Nodetype.BASE:
         return np.zeros(about[1], about[0][1][0])
+    if node == Nodetype.ARRAY:
+        return [_message(about[0][1], {}, {})] * about[1]
     return _value(node, about, {} if node == Nodetype.NAME else (), {})

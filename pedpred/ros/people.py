@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
@@ -112,7 +113,7 @@ def places_of(people: Iterable[Any], fields: PeopleFields) -> np.ndarray:
 def _coordinates(position: Any) -> tuple[float, float, float]:
     if hasattr(position, "x") and hasattr(position, "y"):
         return position.x, position.y, getattr(position, "z", 0.0)
-    if isinstance(position, list | tuple | np.ndarray) and len(position) >= 2:
+    if isinstance(position, list | tuple | array | np.ndarray) and len(position) >= 2:
         return position[0], position[1], position[2] if len(position) > 2 else 0.0
     rule = "it must be a message with x and y, or an array of numbers"
     raise ValueRuleError("position", type(position).__name__, rule)
@@ -131,7 +132,9 @@ def _find(message: Any, paths: str) -> Any:
         if found is not None and not _is_origin(found):
             return found
     if value is None:
-        fields = getattr(message, "__dataclass_fields__", {})
+        fields: Iterable[str] = getattr(
+            message, "__dataclass_fields__", getattr(message, "_fields_and_field_types", ())
+        )
         known = ", ".join(name for name in fields if not name.startswith("_"))
         raise ValueRuleError("field", paths, f"{type(message).__name__} has {known}")
     return value
@@ -155,11 +158,3 @@ def _score(entry: Any) -> float:
 
 def _is_origin(value: Any) -> bool:
     return hasattr(value, "x") and not (value.x or value.y or getattr(value, "z", 0.0))
-
-
-# until bags and the node read PEOPLE_FIELDS
-from pedpred.ros.old_people import ADAPTERS as ADAPTERS  # noqa: E402
-from pedpred.ros.old_people import LABELLED as LABELLED  # noqa: E402
-from pedpred.ros.old_people import Nameless as Nameless  # noqa: E402
-from pedpred.ros.old_people import TrackNumbers as TrackNumbers  # noqa: E402
-from pedpred.ros.old_people import find_usable as find_usable  # noqa: E402

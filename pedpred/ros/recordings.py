@@ -1,4 +1,4 @@
-"""Recordings: a scene and forecasts in it as an MCAP file with ROS 2 messages, and back."""
+"""Recordings: a scene and forecasts in it as an MCAP file with ROS 2 messages."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from pedpred.ros.planning import (
     grid_messages,
     grid_topic,
     predictions_message,
-    tell_rounding,
+    warn_of_rounding,
 )
 from pedpred.ros.scene_messages import (
     FRAME,
@@ -37,15 +37,10 @@ from pedpred.scenes import Predictions, Scene, predicted_occupancy
 from pedpred.storage.tracks import tracks_table
 
 _log = logging.getLogger(__name__)
-_SCENE_RECORD = "pedpred.scene"
-"""Name of the metadata record with the values that no message holds exactly."""
-_REMARKS = "unavailable", "stand_in"
-"""Fields of a scene that it keeps as they are, where they are not None."""
 _CHUNK_BYTES = 256 * 1024
 """Uncompressed size of a chunk: a cut file loses at most this much before the cut."""
 _SAME_INSTANT_NS = 1000
 """Times of detections and forecasts that differ by no more are one instant."""
-_REMEDY = f"A recording is an MCAP file with {TYPES[MAP]} on {MAP} and {TYPES[PEOPLE]} on {PEOPLE}, in CDR"
 _ALWAYS = "{sec: 9223372036, nsec: 854775807}"
 _QOS = (
     "- history: 1\n  depth: 10\n  reliability: 1\n  durability: {durability}\n  deadline: {always}\n"
@@ -55,8 +50,6 @@ _QOS = (
 _LATCHED, _USUAL = (_QOS.format(durability=number, always=_ALWAYS) for number in (1, 2))
 """How `ros2 bag play` is to publish a topic (rosbag2, metadata up to version 8): reliable, the last ten; the
 first one transient local, so that later subscribers get the map, too."""
-_NOBODY = "time_s,track_id,x_m,y_m"
-"""Columns of a recording without people, which has no message to say them."""
 
 
 def check_recordable(scene: Scene, steps: int = 1, cell_m: float | None = None) -> None:
@@ -82,8 +75,8 @@ def write_recording(
 ) -> None:
     """Write a scene, and forecasts in it, as MCAP with ROS 2 messages (profile `ros2`, CDR).
 
-    The same scene gives the same bytes. `read_recording` returns an equal scene, field by field, but for the
-    camera, which is not recorded.
+    The same scene gives the same bytes. `read_bag` reads people and the map; goals, groups and the camera are
+    not recorded, and scene folders (`pedpred.storage`) keep them.
 
     Args:
         scene: people (`/people`, `/markers`) and obstacles (`/map`).
@@ -100,22 +93,15 @@ def write_recording(
     unknown = sorted(asked - set(windows.predictions if windows else ()))
     if unknown:
         raise ValueRuleError("method", unknown[0], f"scene {scene.name} has no forecasts of it")
-    about = {"name": scene.name, "detection_dt_s": repr(float(scene.detection_dt_s))}
-    about["resolution_m"] = repr(float(scene.occupancy.resolution_m))
-    remarks = {remark: getattr(scene, remark) for remark in _REMARKS}
-    about |= {remark: text for remark, text in remarks.items() if text is not None}
-    if not len(scene.trajectories):
-        about["columns"] = ",".join(map(str, tracks_table(scene.trajectories)))
     with atomic_write(path) as new, new.open("wb") as stream:
         writer = Writer(stream, chunk_size=_CHUNK_BYTES)
         writer.start(profile="ros2")
-        writer.add_metadata(_SCENE_RECORD, about)
         types, schemas, channels = _types(windows, planned, cell_m), {}, {}
         for kind in dict.fromkeys(types.values()):
             schemas[kind] = writer.register_schema(kind, SchemaEncoding.ROS2, definition(kind).encode())
         for topic, kind in types.items():
-            about_topic = {"offered_qos_profiles": _LATCHED if topic in (MAP, FRAMES) else _USUAL}
-            channels[topic] = writer.register_channel(topic, "cdr", schemas[kind], about_topic)
+            profile = {"offered_qos_profiles": _LATCHED if topic in (MAP, FRAMES) else _USUAL}
+            channels[topic] = writer.register_channel(topic, "cdr", schemas[kind], profile)
         messages = _messages(scene, windows, colours or {}, planned, cell_m)
         for count, (time_ns, topic, content) in enumerate(messages):
             data = serialize(types[topic], content)
@@ -155,7 +141,7 @@ def _messages(
     start_ns = int(instants[0])
     ground = None if cell_m is None else scene.occupancy.free(cell_m)
     if windows is not None and planned is not None:
-        tell_rounding(windows.predictions[planned], _log)
+        warn_of_rounding(windows.predictions[planned], _log)
     yield start_ns, FRAMES, frames_message(start_ns)
     yield start_ns, MAP, map_message(scene.occupancy, start_ns)
     first = 0

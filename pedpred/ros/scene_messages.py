@@ -1,12 +1,11 @@
-"""Maps and people as ROS messages, and back.
+"""Maps and people as ROS messages, and maps back.
 
-Messages are nested dictionaries (`pedpred.ros.message_types.serialize`). What `people_msgs` has no field for
-is in a person's tags, as text that Python reads back exactly; an unknown velocity is NaN.
+Messages are nested dictionaries (`pedpred.ros.message_types.serialize`). An unknown velocity is NaN.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -22,9 +21,6 @@ Content = dict[str, Any]
 
 FRAME, WORLD = "map", "world"
 
-_WHOLE_TAGS = ("group_id", "person_id")
-_TAGS = ("time_s", "goal_x_m", "goal_y_m", "desired_speed_mps", *_WHOLE_TAGS)
-"""Columns of `tracks_table` that become tags; the first ones may have all values of 64 bits."""
 _OCCUPIED, _FREE, _UNKNOWN = 100, 0, -1
 _LATEST_S = 2**31
 _LEVEL = 1e-6
@@ -83,29 +79,27 @@ def map_info(occupancy: OccupancyMap, time_ns: int) -> Content:
     }
 
 
-def map_of_grid(message: Any, resolution_m: str | None = None) -> OccupancyMap:
+def map_of_grid(message: Any) -> OccupancyMap:
     """The map of a nav_msgs/OccupancyGrid; cells above 50 are blocked, unknown ones (-1) are free.
 
     Args:
-        message: the decoded message.
-        resolution_m: exact side of a cell as text; by default the shortest decimal that rounds to the
-            message's float32.
+        message: decoded; the side of its cells is the shortest decimal that rounds to the message's float32.
 
     Raises:
         ShapeError: the map is empty or has too many cells.
         ValueRuleError: it is tilted, nowhere or without size, or has not one value per cell, each unknown or
             a percentage.
     """
-    straight, yaw_rad = _unturned(message, resolution_m)
+    straight, yaw_rad = _unturned(message)
     return turned_map(straight, yaw_rad) if yaw_rad else straight
 
 
 def check_grid(message: Any) -> None:
     """Raise what `map_of_grid` raises of a message, but for a map that becomes too large as it is turned."""
-    _unturned(message, None)
+    _unturned(message)
 
 
-def _unturned(message: Any, resolution_m: str | None) -> tuple[OccupancyMap, float]:
+def _unturned(message: Any) -> tuple[OccupancyMap, float]:
     """The map of a nav_msgs/OccupancyGrid before it is turned about its corner, and the angle, rad."""
     info = message.info
     check_cells(info.width, info.height)
@@ -117,7 +111,7 @@ def _unturned(message: Any, resolution_m: str | None) -> tuple[OccupancyMap, flo
     _check_values(data)
     cells = data.reshape(info.height, info.width).T
     origin = np.array([info.origin.position.x, info.origin.position.y])
-    side_m = float(resolution_m or str(np.float32(info.resolution)))
+    side_m = float(str(np.float32(info.resolution)))
     return OccupancyMap(blocked(cells), origin, side_m), yaw_rad
 
 
@@ -182,48 +176,18 @@ def frames_message(time_ns: int) -> Content:
 
 def people_message(people: Mapping[str, list[Any]], time_ns: int) -> Content:
     """people_msgs/People: the columns of `tracks_table` at one instant."""
-    tags = [name for name in _TAGS if name in people]
+    columns = [people[name] for name in ("track_id", "x_m", "y_m")]
+    unknown = [np.nan] * len(columns[0])
+    columns += [people.get(name, unknown) for name in ("vx_mps", "vy_mps")]
     return {
         "header": header(time_ns),
         "people": [
             {
-                "name": str(row["track_id"]),
-                "position": {"x": row["x_m"], "y": row["y_m"]},
-                "velocity": {"x": row.get("vx_mps", np.nan), "y": row.get("vy_mps", np.nan)},
+                "name": str(track),
+                "position": {"x": x, "y": y},
+                "velocity": {"x": vx, "y": vy},
                 "reliability": 1.0,
-                "tagnames": tags,
-                "tags": [repr(row[tag]) for tag in tags],
             }
-            for row in (
-                dict(zip(people, values, strict=True)) for values in zip(*people.values(), strict=True)
-            )
+            for track, x, y, vx, vy in zip(*columns, strict=True)
         ],
     }
-
-
-def people_rows(message: Any) -> Iterator[dict[str, Any]]:
-    """The people of a people_msgs/People as rows of `tracks_table`.
-
-    The stamp has whole nanoseconds, a tag `time_s` is exact. Unknown velocities are left out.
-
-    Raises:
-        ValueRuleError: a name is no whole number, or written in another way than usual.
-    """
-    for person in message.people:
-        if not (person.name.lstrip("-").isdecimal() and str(int(person.name)) == person.name):
-            raise ValueRuleError(
-                "name", repr(person.name), "people need whole numbers without leading zeros for names"
-            )
-        row = {"time_s": seconds(message.header.stamp), "track_id": int(person.name)}
-        row |= {"x_m": person.position.x, "y_m": person.position.y}
-        if not np.isnan([person.velocity.x, person.velocity.y]).all():
-            row |= {"vx_mps": person.velocity.x, "vy_mps": person.velocity.y}
-        tags = zip(person.tagnames, person.tags, strict=True)
-        yield row | {name: _tagged(name, text) for name, text in tags if name in _TAGS}
-
-
-def _tagged(name: str, text: str) -> float:
-    """The number in a tag; whole ones are exact, also beyond 2^53."""
-    if name in _WHOLE_TAGS and text.lstrip("-").isdecimal():
-        return int(text)
-    return float(text)

@@ -114,6 +114,12 @@ class Frames:
                 return f"the transform of {child!r} in {edge.parent!r} is {problem}"
         return ""
 
+    def begin_later(self, frame: str, target: str, time_s: float) -> bool:
+        """Whether transforms between two frames are known from a later time on only."""
+        up, down = self._chains(frame, target)
+        moving = [edge for edge in self._edges_of((*up[:-1], *down[:-1])) if not edge.is_fixed]
+        return up[-1] == down[-1] and any(time_s < edge.first_s for edge in moving)
+
     def age_s(self, frame: str, target: str, time_s: float) -> float | None:
         """How old, at a time, the oldest of the latest transforms between two frames is, s.
 
@@ -214,13 +220,17 @@ class _Edge:
         """Whether there are different poses."""
         return bool(_differ(*self._poses()[1:]).any())
 
+    @property
+    def first_s(self) -> float:
+        """Time of the first pose, s."""
+        return float(self._poses()[0][0])
+
     def lack(self, time_s: float) -> str:
         """Say why there is no pose at a time; empty if there is one."""
         if np.isfinite(self.poses(np.array([time_s]))[1]).all():
             return ""
-        first_s = self._poses()[0][0]
-        if time_s < first_s:
-            return f"{first_s - time_s:.3g} s later than the people, and it is the first one"
+        if time_s < self.first_s:
+            return f"{self.first_s - time_s:.3g} s later than the people, and it is the first one"
         if time_s > self.latest_s:
             return f"{time_s - self.latest_s:.3g} s older than the people"
         return f"missing for more than {LONGEST_GAP_S:g} s around the time of the people"

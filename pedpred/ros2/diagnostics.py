@@ -1,4 +1,4 @@
-"""What a node says of itself on /diagnostics."""
+"""The state of the node for /diagnostics."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from pedpred.ros.frame_tree import is_robots
 from pedpred.ros.scene_messages import Content, header
-from pedpred.ros2.follower import Counts, Follower
+from pedpred.ros.tf import is_robot_base
+from pedpred.ros2.counts import Counts
+from pedpred.ros2.follower import Follower
 
 DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 OK, WARN = 0, 1
@@ -19,6 +20,8 @@ _MANY_LEFT_OUT = 0.1
 _LATE_MS = 300.0
 _WRONG_CLOCK_S, _RECORDED_S = 1.0, 12 * 3600.0
 """Stamps so far from the clock are wrong; those farther away are of a recording that is played."""
+
+_MOVES = "which moves with the robot: publish the map in a fixed frame, or set map_frame"
 
 
 class Latencies:
@@ -58,49 +61,42 @@ def diagnose(
         clock_ns: that of the node; 0 where time is simulated and no clock has come.
         rivals: other publishers of `predictions`.
     """
-    problems = []
-    if not clock_ns:
-        problems.append(
-            "nobody publishes /clock: people who have gone stay in costmaps. Set use_sim_time to false"
-        )
-    if rivals > 0:
-        problems.append("another node publishes forecasts here, too: end it, or give each a namespace")
-    if follower.occupancy is None and follower.settings.use_map:
-        problems.append("no map: forecasts go through walls")
-    if is_robots(follower.frame):
-        problems.append(
-            f"forecasts are in {follower.frame!r}, which moves with the robot: who stands seems to walk. "
-            "Publish the map in a frame that stands, or set map_frame"
-        )
-    if publishers == 0:
-        problems.append("nobody publishes people")
-    elif now_s - follower.heard_s > _SILENT_S:
-        others = sorted(set(kinds) - {follower.settings.people_type})
-        published = f": {', '.join(others)} is published, people_type is {follower.settings.people_type}"
-        problems.append("no people heard" + (published if others else ""))
-    elif now_s - follower.forecast_s > _SILENT_S:
-        problems.append("people are heard, but there is no forecast: see what is left out, and the log")
-    if follower.counts.others and not follower.counts.detections:
-        problems.append("no detection so far is of a class of people: see the log, and class_ids")
-    problems.extend(follower.doubts)
-    messages = follower.counts.messages - before.messages
-    left_out = follower.counts.left_out - before.left_out
-    if left_out > _MANY_LEFT_OUT * messages:
-        problems.append(f"of the last {messages} messages of people, {left_out} are left out")
-    if latency_ms > _LATE_MS:
-        problems.append(f"forecasts come {latency_ms:.0f} ms after people: send fewer of them, or less often")
-    if clock_ns and _WRONG_CLOCK_S < abs(follower.stamp_age_s) < _RECORDED_S:
-        problems.append(
-            f"people are stamped {follower.stamp_age_s:.1f} s ago: are clocks of two computers apart, or do "
-            "detections come late?"
-        )
-    if follower.counts.jumps - before.jumps > 1:
-        problems.append("time jumps again and again, and all are forgotten: do two clocks stamp people?")
-    return (
-        (WARN, "; ".join(problems))
-        if problems
-        else (OK, "forecasts with map" if follower.occupancy else "forecasts")
+    counts, settings = follower.counts, follower.settings
+    messages, left_out = counts.messages - before.messages, counts.left_out - before.left_out
+    others = sorted(set(kinds) - {settings.people_type})
+    published = f": {', '.join(others)} is published, people_type is {settings.people_type}" if others else ""
+    age_s = follower.inbox.stamp_age_s
+    is_silent = publishers > 0 and now_s - follower.inbox.read_s > _SILENT_S
+    is_without = publishers > 0 and not is_silent and now_s - follower.forecast_s > _SILENT_S
+    is_apart = clock_ns > 0 and _WRONG_CLOCK_S < abs(age_s) < _RECORDED_S
+    checks = (
+        (not clock_ns, "no /clock, so people who have gone stay in costmaps: set use_sim_time to false"),
+        (rivals > 0, "another node publishes forecasts here, too: end it, or give each a namespace"),
+        (follower.occupancy is None and settings.use_map, "no map: forecasts go through walls"),
+        (is_robot_base(follower.frame), f"forecasts are in {follower.frame!r}, {_MOVES}"),
+        (publishers == 0, "people are not published"),
+        (is_silent, "no people received" + published),
+        (is_without, "people are received, but there is no forecast: see what is left out, and the log"),
+        (counts.others > 0 and not counts.detections, "no detection is of a class of people: see class_ids"),
+        *((True, text) for text in follower.doubts),
+        (
+            left_out > _MANY_LEFT_OUT * messages,
+            f"of the last {messages} messages of people, {left_out} are left out",
+        ),
+        (
+            latency_ms > _LATE_MS,
+            f"forecasts come {latency_ms:.0f} ms after people: send fewer, or less often",
+        ),
+        (is_apart, f"people are stamped {age_s:.1f} s ago: synchronise clocks, or speed up the detector"),
+        (
+            counts.jumps - before.jumps > 1,
+            "time jumps, and people are forgotten: do two clocks stamp people?",
+        ),
     )
+    problems = [text for is_wrong, text in checks if is_wrong]
+    if problems:
+        return WARN, "; ".join(problems)
+    return OK, "forecasts with map" if follower.occupancy else "forecasts"
 
 
 def diagnostics_content(
@@ -117,25 +113,24 @@ def diagnostics_content(
     return {"header": header(time_ns, ""), "status": [status | {"values": pairs}]}
 
 
-def told_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
-    """What stands in the table of a status."""
+def status_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
+    """The table of a status."""
     counts, age_s = follower.counts, follower.transform_age_s
     return {
-        "map": follower.map_told,
+        "map": follower.map_text,
         "frame": follower.frame,
         "people": counts.people,
         "messages": counts.messages,
         "forecasts": counts.forecasts,
-        "jumps of time, all forgotten": counts.jumps,
+        "jumps of time, people forgotten": counts.jumps,
         "left out: no transform": counts.lost,
         "left out: earlier than another": counts.late,
         "left out: forecasts take too long": counts.slow,
         "left out: something is wrong with it": counts.refused,
-        "left out: lost before they were read": counts.missed,
         "left out: people without a forecast": counts.without_forecast,
         "left out: detections of other classes": counts.others,
-        "left out: people of other floors": counts.elsewhere,
-        "age of people when they come (s)": f"{follower.stamp_age_s:.2f}",
+        "left out: detections near the robot": counts.near_robot,
+        "age of people when they come (s)": f"{follower.inbox.stamp_age_s:.2f}",
         "latency, median (ms)": f"{latencies.median_ms():.1f}",
         "age of /tf (s)": "not needed" if age_s is None else f"{age_s:.2f}",
     }

@@ -1,4 +1,4 @@
-"""Latched topics for viewers and costmaps: whoever subscribes later is sent the last message."""
+"""Latched topics for viewers and costmaps: later subscribers get the last message."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from pedpred.scenes import Forecast
 
 
 class Latched:
-    """Knows on which topics the last message shows people; such a topic is emptied once they have gone.
+    """Keeps on which topics the last message shows people; such a topic is emptied once they have gone.
 
     Args:
-        is_heard: whether somebody listens to a topic.
+        has_subscribers: whether a topic has any.
     """
 
-    def __init__(self, is_heard: Callable[[str], bool]):
-        self._is_heard = is_heard
+    def __init__(self, has_subscribers: Callable[[str], bool]):
+        self._has_subscribers = has_subscribers
         self._shows: set[str] = set()
 
     @property
@@ -26,24 +26,24 @@ class Latched:
         return bool(self._shows)
 
     def wants(self, topic: str, is_on: bool, people: int) -> bool:
-        """Whether a message is to be published: somebody listens, or the last one shows people who are gone.
+        """Whether to publish a message: there are subscribers, or the last one shows people who have gone.
 
         Args:
             topic: without namespace.
-            is_on: whether the settings want the topic; nobody may be shown on one that they do not want.
+            is_on: whether the settings want the topic; people are only shown if they do.
             people: how many there are.
         """
-        heard = is_on and self._is_heard(topic)
+        is_read = is_on and self._has_subscribers(topic)
         if is_on and people:
-            self._shows |= {topic} if heard else set()
-            return heard
+            self._shows |= {topic} if is_read else set()
+            return is_read
         stale = topic in self._shows
         self._shows.discard(topic)
-        return heard or stale
+        return is_read or stale
 
 
 def nobody(forecast: Forecast, time_s: float) -> Forecast:
-    """A forecast of nobody, with the steps of another one."""
+    """A forecast without people, with the steps of another one."""
     none = np.zeros(0, np.int64)
     return Forecast(
         time_s, forecast.track_id[none], forecast.velocity[none], forecast.predictions.select(none)

@@ -18,7 +18,7 @@ def guarded(lost: str, callback: Callable[..., None]) -> Callable[..., None]:
     """A callback that logs every error and goes on: a bad message must not end the node.
 
     Args:
-        lost: what there is not after an error, such as "message of 'map' left out".
+        lost: what is missing after an error, such as "message of 'map' left out".
         callback: it may be called again after an error.
     """
 
@@ -43,23 +43,23 @@ class RosHandler(logging.Handler):
     def __init__(self, logger: Any):
         super().__init__()
         self._logger = logger
-        self._said: dict[str, tuple[float, int]] = {}
+        self._latest: dict[str, tuple[float, int]] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Say a record, with the number of those like it that were not said.
+        """Log a record, with the number of similar ones that were left out.
 
-        Alike are those with the same wording, or with the same `kind` where they have one (`extra`).
+        Similar are those with the same wording, or with the same `kind` where they have one (`extra`).
         """
         now_s, kind = time.monotonic(), str(getattr(record, "kind", record.msg))
-        said_s, count = self._said.pop(kind, (-EVERY_S, 0))
-        if now_s - said_s < EVERY_S:
-            self._said[kind] = said_s, count + 1
+        logged_s, count = self._latest.pop(kind, (-EVERY_S, 0))
+        if now_s - logged_s < EVERY_S:
+            self._latest[kind] = logged_s, count + 1
             return
-        self._said[kind] = now_s, 0
-        while len(self._said) > _MOST_KINDS:
-            del self._said[next(iter(self._said))]  # the one that came the longest ago
+        self._latest[kind] = now_s, 0
+        while len(self._latest) > _MOST_KINDS:
+            del self._latest[next(iter(self._latest))]  # the oldest one
         text = self.format(record) + (f" ({count} more like this)" if count else "")
-        if record.levelno >= logging.ERROR:
+        if record.levelno >= logging.ERROR:  # rclpy wants a line of code for each severity
             self._logger.error(text)
         elif record.levelno >= logging.WARNING:
             self._logger.warning(text)

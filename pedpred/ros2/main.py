@@ -1,4 +1,4 @@
-"""The command `pedpred-ros2`: runs the node until it is interrupted or told to end."""
+"""The command `pedpred-ros2`: runs the node until SIGINT or SIGTERM."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def main() -> None:
     No signal raises an exception: one in a callback from C, of the compiler or of the middleware, is lost or
     leaves objects behind with which the process crashes.
     """
-    _handle_signals(lambda *_: os._exit(0))  # until people are heard, nothing is lost
+    _handle_signals(lambda *_: os._exit(0))  # until people are received, nothing is lost
     if {"-h", "--help"} & set(takewhile(lambda word: word != "--ros-args", sys.argv[1:])):
         _parse(["--help"])  # also where no ROS is
     try:
@@ -82,7 +82,7 @@ def _run(arguments: list[str]) -> None:
 def _spin(executor: Any, node: Any) -> None:
     """Call back until a signal ends that, never in the middle of a callback.
 
-    The middleware waits in C, where Python hears of no signal, so a timer wakes it now and then.
+    The middleware waits in C, where Python handles no signal, so a timer wakes it at intervals.
     """
     from rclpy.clock import Clock, ClockType
 

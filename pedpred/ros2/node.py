@@ -14,17 +14,18 @@ from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecyclePublisher, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 
 from pedpred.errors import ConfigError, PedpredError
 from pedpred.files import check_output
 from pedpred.online import OnlinePredictor
 from pedpred.online.warming import warm_up
-from pedpred.ros.message_types import TRANSFORMS, serialize
+from pedpred.ros.message_types import TRANSFORMS, UPDATE_TYPE, serialize
+from pedpred.ros.people import PEOPLE_FIELDS
 from pedpred.ros.planning import GRID_TYPE, NO_MAP
-from pedpred.ros2.arrivals import Arrivals
-from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, told_values
-from pedpred.ros2.events import no_callbacks
-from pedpred.ros2.follower import UPDATE_TYPE, Counts, Follower
+from pedpred.ros2.counts import Counts
+from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE, Latencies, diagnose, diagnostics_content, status_values
+from pedpred.ros2.follower import Follower
 from pedpred.ros2.log import RosHandler, guarded
 from pedpred.ros2.outputs import PEOPLE, PREDICTIONS, Answer, output_types
 from pedpred.ros2.rehearsal import rehearse
@@ -51,7 +52,7 @@ class PedpredNode(LifecycleNode):
             self.declare_parameter(name, list(default) if isinstance(default, tuple) else default, about)
         self.add_on_set_parameters_callback(self._changed)
         self._follower: Follower | None = None
-        self._latencies, self._diagnosed, self._arrivals = Latencies(), Counts(), Arrivals()
+        self._latencies, self._diagnosed = Latencies(), Counts()
         self._sinks: dict[str, Any] = {}
         self._own: list[Any] = []
         self._people: Any = None
@@ -59,9 +60,9 @@ class PedpredNode(LifecycleNode):
         self._handler = RosHandler(self.get_logger())
         logging.getLogger("pedpred").addHandler(self._handler)
         logging.getLogger("pedpred").setLevel(logging.INFO)
-        self._tell_unknown()
+        self._warn_of_unknown()
 
-    def _tell_unknown(self) -> None:
+    def _warn_of_unknown(self) -> None:
         """Warn of parameters of files and arguments that nothing reads, such as misspelt ones."""
         overrides = getattr(self, "_parameter_overrides", {})  # rclpy has no public name for them
         unknown = [name for name in overrides if not (self.has_parameter(name) or name.startswith("qos_"))]
@@ -108,13 +109,13 @@ class PedpredNode(LifecycleNode):
         return SetParametersResult(successful=True)
 
     def on_configure(self, state: Any) -> TransitionCallbackReturn:
-        """Read parameters, warm up, make publishers, listen to the map and to transforms."""
+        """Read parameters, warm up, make publishers, subscribe to the map and to transforms."""
         return self._tried("not configured", self._configure, self._clean_up)
 
     def _tried(
         self, lost: str, act: Callable[[], object], undo: Callable[[], None]
     ) -> TransitionCallbackReturn:
-        """Make a transition, or log why that fails and undo it: rclpy would say nothing of the error."""
+        """Make a transition, or log why that fails and undo it: rclpy would not log the error."""
         try:
             act()
         except Exception as problem:
@@ -129,7 +130,7 @@ class PedpredNode(LifecycleNode):
         if settings.use_map and NO_MAP.search(topic):
             rule = "costs are not a map: remap `map` to the topic of the map server, or set use_map to false"
             raise ConfigError("map", topic, rule)
-        _message_class(settings.people_type)
+        people_class = _message_class(settings.people_type)
         _log.info("compiling what is not compiled yet: up to a minute")
         warm_up(settings.folder)
         predictor = OnlinePredictor.load(settings.folder, settings.online())
@@ -137,7 +138,13 @@ class PedpredNode(LifecycleNode):
         if settings.place is not None:
             check_output(settings.place)
         self._steps = predictor.protocol.horizon_steps
-        self._follower = Follower(predictor, settings, self._is_heard)
+        decode = partial(deserialize_message, message_type=people_class)
+        self._follower = Follower(
+            predictor,
+            settings,
+            self._has_subscribers,
+            decode_people=None if settings.people_type in PEOPLE_FIELDS else decode,
+        )
         self._follower.load_place()
         self._latencies, self._diagnosed = Latencies(), Counts()
         self._add_publishers()
@@ -145,40 +152,40 @@ class PedpredNode(LifecycleNode):
             for qos in (
                 _latched(1),
                 _sensor(1),
-            ):  # the first hears no volatile map, the second none of before
-                self._listen(GRID_TYPE, "map", self._map_heard, qos, no_callbacks())
+            ):  # the first receives no volatile map, the second no earlier one
+                self._subscribe(GRID_TYPE, "map", self._map_received, qos, _silent_events())
             try:
                 updates = f"{topic}_updates"
-                heard = _listener(updates, self._follower.map_update_came)
-                self._listen(UPDATE_TYPE, updates, heard, _reliable(_UPDATES_DEPTH))
+                update = _listener(updates, self._follower.map_update_came)
+                self._subscribe(UPDATE_TYPE, updates, update, _reliable(_UPDATES_DEPTH))
             except ConfigError as problem:
-                _log.info("updates of the map are not heard: %s", problem)
+                _log.info("updates of the map are not received: %s", problem)
         try:
-            self._listen(
+            self._subscribe(
                 TRANSFORMS,
                 "/tf",
                 _listener("/tf", partial(self._transforms_came, fixed=False)),
                 _reliable(_TF_DEPTH),
             )
             fixed = _listener("/tf_static", partial(self._transforms_came, fixed=True))
-            self._listen(TRANSFORMS, "/tf_static", fixed, _latched(_TF_DEPTH))
+            self._subscribe(TRANSFORMS, "/tf_static", fixed, _latched(_TF_DEPTH))
         except ConfigError as problem:
             _log.warning("people must be in the frame of the map: %s", problem)
         people = self.resolve_topic_name("people")
         if people in {one.topic_name for one in (*self._own, *self._sinks.values())}:
-            rule = "this node has it for something else: remap `people` to the topic of the tracker"
+            rule = "this node uses it for something else: remap `people` to the topic of the tracker"
             raise ConfigError("people", people, rule)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._retry = self.create_timer(
             _RETRY_S, guarded("people left out", self._publish_answers), clock=steady
         )
         self._retry.cancel()  # each wake-up takes about a millisecond, so only while people wait
-        told = guarded("/diagnostics left out", self._diagnose)
+        status = guarded("/diagnostics left out", self._diagnose)
         kept = guarded(_NOT_KEPT, self._follower.save_place)
         gone = guarded(_NOT_EMPTIED, self._clear_outputs)
         self._own += [
             self._retry,
-            *(self.create_timer(_DIAGNOSTICS_S, each, clock=steady) for each in (gone, told)),
+            *(self.create_timer(_DIAGNOSTICS_S, each, clock=steady) for each in (gone, status)),
         ]
         self._own.append(self.create_timer(_PLACE_S, kept, clock=steady))
 
@@ -201,23 +208,25 @@ class PedpredNode(LifecycleNode):
             self._sinks["/diagnostics"] = self.create_publisher(made, "/diagnostics", 10)
 
     def on_activate(self, state: Any) -> TransitionCallbackReturn:
-        """Listen to people."""
-        done = self._tried("not activated", self._listen_to_people, self._forget_people)
+        """Subscribe to people."""
+        done = self._tried("not activated", self._subscribe_to_people, self._forget_people)
         return super().on_activate(state) if done == _Done.SUCCESS else done
 
-    def _listen_to_people(self) -> None:
+    def _subscribe_to_people(self) -> None:
         assert self._follower is not None
         settings = self._follower.settings
         reliable = settings.people_reliability == "reliable"
         qos = _reliable(_PEOPLE_DEPTH) if reliable else _sensor(_PEOPLE_DEPTH)
         self._people = self.create_subscription(
-            _message_class(settings.people_type), "people", self._people_heard, qos, raw=True
+            _message_class(settings.people_type), "people", self._people_received, qos, raw=True
         )
-        heard = f"{self.resolve_topic_name('people')} ({settings.people_type}, {settings.people_reliability})"
-        _log.info("forecasting people of %s on %s", heard, self.resolve_topic_name(PREDICTIONS))
+        source = (
+            f"{self.resolve_topic_name('people')} ({settings.people_type}, {settings.people_reliability})"
+        )
+        _log.info("forecasting people of %s on %s", source, self.resolve_topic_name(PREDICTIONS))
 
     def on_deactivate(self, state: Any) -> TransitionCallbackReturn:
-        """Listen to people no more; the map and transforms are still heard."""
+        """Unsubscribe from people; the map and transforms are still received."""
         self._forget_people()
         return super().on_deactivate(state)
 
@@ -237,9 +246,9 @@ class PedpredNode(LifecycleNode):
         if self._people is not None:
             guarded(_NOT_EMPTIED, self._clear_outputs)(0.0)
             self.destroy_subscription(self._people)
-            self._people, self._arrivals = None, Arrivals()
+            self._people = None
             if self._follower is not None:
-                self._follower.forget_waiting()
+                self._follower.inbox.clear()
                 guarded(_NOT_KEPT, self._follower.save_place)()
 
     def _clean_up(self) -> None:
@@ -251,20 +260,18 @@ class PedpredNode(LifecycleNode):
             (self.destroy_lifecycle_publisher if lasting else self.destroy_publisher)(sink)
         self._own, self._sinks, self._follower, self._retry = [], {}, None, None
 
-    def _listen(
+    def _subscribe(
         self, kind: str, topic: str, callback: Callable[..., None], qos: QoSProfile, events: Any = None
     ) -> None:
-        """Subscribe; without `events`, the log says which publisher is not heard, because of its QoS."""
+        """Subscribe; without `events`, rclpy logs publishers whose QoS does not fit."""
         made = _message_class(kind)
         self._own.append(
             self.create_subscription(made, topic, callback, qos, event_callbacks=events, raw=True)
         )
 
-    def _people_heard(self, raw: bytes, about: dict[str, Any]) -> None:
+    def _people_received(self, raw: bytes, info: dict[str, Any]) -> None:
         """Take people and what the middleware knows of their message: two arguments ask rclpy for it."""
-        if (missed := self._arrivals.missed(about)) and self._follower is not None:
-            self._follower.people_missed(missed)
-        _listener("people", self._people_came)(raw, about["received_timestamp"])
+        _listener("people", self._people_came)(raw, info["received_timestamp"])
 
     def _people_came(self, raw: bytes, received_ns: int) -> None:
         if self._follower is not None:
@@ -273,15 +280,15 @@ class PedpredNode(LifecycleNode):
             self._follower.people_came(raw, clock_ns, time.monotonic(), waited_s)
             self._publish_answers()
 
-    def _map_heard(self, raw: bytes, about: dict[str, Any]) -> None:
-        """Take a map and when it was sent; see `_people_heard`."""
+    def _map_received(self, raw: bytes, info: dict[str, Any]) -> None:
+        """Take a map and when it was sent; see `_people_received`."""
         if self._follower is not None:
-            _listener("map", self._follower.map_came)(raw, about["source_timestamp"])
+            _listener("map", self._follower.map_came)(raw, info["source_timestamp"])
 
     def _transforms_came(self, raw: bytes, fixed: bool) -> None:
         if self._follower is not None:
             self._follower.transforms_came(raw, self.get_clock().now().nanoseconds / 1e9, fixed)
-            if self._follower.is_waiting:
+            if self._follower.inbox.is_waiting:
                 self._publish_answers()
 
     def _publish_answers(self, _: object = None) -> None:
@@ -291,9 +298,9 @@ class PedpredNode(LifecycleNode):
             for answer in self._follower.answers(time.monotonic()):
                 self._publish(answer)
                 if answer.topic == PREDICTIONS:
-                    self._latencies.add(time.monotonic() - self._follower.came_s)
+                    self._latencies.add(time.monotonic() - self._follower.arrived_s)
         finally:
-            (self._retry.reset if self._follower.is_waiting else self._retry.cancel)()
+            (self._retry.reset if self._follower.inbox.is_waiting else self._retry.cancel)()
 
     def _clear_outputs(self, *after_s: float) -> None:
         if self._follower is not None and self._people is not None:
@@ -305,7 +312,7 @@ class PedpredNode(LifecycleNode):
             message = serialize(answer.kind, answer.content)  # rclpy takes bytes
             self._sinks[answer.topic].publish(message)
 
-    def _is_heard(self, topic: str) -> bool:
+    def _has_subscribers(self, topic: str) -> bool:
         return topic in self._sinks and self._sinks[topic].get_subscription_count() > 0
 
     def _diagnose(self) -> None:
@@ -321,13 +328,22 @@ class PedpredNode(LifecycleNode):
         level, summary = diagnose(self._follower, now_s, *known)
         self._diagnosed = replace(self._follower.counts)
         level, summary = (level, summary) if self._people is not None else (0, "not active")
-        values = told_values(self._follower, self._latencies)
+        values = status_values(self._follower, self._latencies)
         content = diagnostics_content(name, level, summary, values, now_ns)
         self._sinks["/diagnostics"].publish(serialize(DIAGNOSTICS_TYPE, content))
 
 
 def _listener(topic: str, callback: Callable[..., None]) -> Callable[..., None]:
     return guarded(f"message of {topic!r} left out", callback)
+
+
+def _silent_events() -> Any:
+    """Callbacks of a subscription that log nothing, not even a publisher whose QoS does not fit."""
+    try:
+        events = import_module("rclpy.event_handler")
+    except ImportError:  # Humble
+        events = import_module("rclpy.qos_event")
+    return events.SubscriptionEventCallbacks(use_default_callbacks=False)
 
 
 def _message_class(kind: str) -> Any:

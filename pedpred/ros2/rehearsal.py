@@ -1,4 +1,4 @@
-"""What happens at the first message, before it comes."""
+"""Warm up the types of messages: each takes a while when it is read or written for the first time."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ from dataclasses import replace
 
 from pedpred.online import OnlinePredictor
 from pedpred.ros.message_types import serialize
+from pedpred.ros.people import PEOPLE_FIELDS
 from pedpred.ros.scene_messages import header
 from pedpred.ros2.follower import Follower
 from pedpred.ros2.settings import NodeSettings
 
 
 def rehearse(predictor: OnlinePredictor, settings: NodeSettings) -> None:
-    """Answer a message of nobody: each type takes a while when it is read or written for the first time.
-
-    Else the first people would wait for longer than they may.
+    """Answer a message without people; the predictor is reset after that.
 
     Args:
-        predictor: new; it is as before.
+        predictor: new.
         settings: of the node.
     """
+    if settings.people_type not in PEOPLE_FIELDS:
+        settings = replace(settings, people_type=NodeSettings().people_type, people_fields="")
     follower = Follower(predictor, replace(settings, use_map=False))
     follower.people_came(serialize(settings.people_type, {"header": header(1, follower.frame)}), 1, 0.0)
     for answer in follower.answers(0.0):
