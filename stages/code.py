@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CODE = Path("data/code")
 """A file for each script, and one in `models` for each architecture."""
 
-_NAMES = ("arrays", "compiled", "config", "contents", "errors", "fields", "files", "lazy", "plain", "workers")
+_NAMES = ("arrays", "compiled", "config", "errors", "files", "lazy", "plain", "settings", "workers")
 UNRELATED = {ROOT / f"pedpred/{name}.py" for name in _NAMES}
 """These are not listed, though nearly all code imports them: they check, compile, read and write files. Force
 the stages after a change of how loops are compiled or pictures are read (`dvc repro --force`)."""

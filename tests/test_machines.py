@@ -16,13 +16,17 @@ from tests.configuration import read
 from tests.conftest import ROOT
 from tests.disk import small_files
 from tests.trust import project
+from tests.trust.examples import make_recording
 from tests.trust.readers import READERS
 from tools import ablate, compare, mend_lock
 
 SCENE = ROOT / "examples/crossing"
 NAMESPACE = ["unshare", "--mount", *([] if os.geteuid() == 0 else ["--map-root-user"])]
 COMMAND = [sys.executable, "-m", "pedpred.command"]
-WRITERS = ("scene", "features", "situations", "embeddings", "forecasts", "checkpoint", "model", "recording")
+WRITERS = {
+    name: READERS[name].make
+    for name in ("scene", "features", "situations", "embeddings", "forecasts", "checkpoint", "model")
+} | {"recording": make_recording}
 
 
 def allowed():
@@ -129,7 +133,7 @@ def test_a_network_leaves_nothing_in_the_home(tmp_path):
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_full_disk_is_an_output_error_of_every_writer(name, size, tmp_path):
     with small_files(size), pytest.raises(OutputError, match="make room") as refused:
-        READERS[name].make(tmp_path)
+        WRITERS[name](tmp_path)
     assert not refused.value.path.exists()
     assert not [path for path in tmp_path.rglob("*") if ".tmp" in path.name]
 

@@ -127,7 +127,6 @@ def test_damage_is_named_by_file_and_field(folder, damage):
 MAP_DAMAGES = {
     "resolution_m": lambda f: change_map(f, "resolution: 0.1", "resolution: -0.1"),
     "resolution": lambda f: change_map(f, "resolution", "size"),
-    "yaw": lambda f: change_map(f, "- 0.0\nnegate", "- 0.5\nnegate"),
     "negate": lambda f: change_map(f, "negate: 0", "negate: dark"),
     "occupied_thresh": lambda f: change_map(f, "thresh: 0.65", "thresh: 65"),
     r"map\.pgm": lambda f: (f / "map.pgm").write_bytes(b"P5\n9 9\n255\n"),

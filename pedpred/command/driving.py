@@ -124,7 +124,7 @@ def _fill_table(
 ) -> None:
     """Drive what is missing in the table, add it, and print the figures."""
 
-    def save() -> None:
+    def keep() -> None:
         if rows:  # another run may have added drives to the table meanwhile
             mine = {(row.episode, row.condition) for row in rows}
             others = [row for row in known() if (row.episode, row.condition) not in mine]
@@ -147,10 +147,10 @@ def _fill_table(
         for new, own_s in tqdm(drives, total=len(wanted), desc=f"drive {places.name}", unit="episode"):
             rows, cycles = rows + new, cycles + own_s
             if time.monotonic() - saved_s > _SAVED_EVERY_S:
-                save()
+                keep()
                 saved_s = time.monotonic()
     finally:
-        save()
+        keep()
     figures = figures_of([row for row in rows if row.condition in asked and row.episode < arguments.episodes])
     sys.stdout.write(summary(figures))
     if arguments.curves is not None:

@@ -26,9 +26,8 @@ MOST_CELLS = 2**24
 """Of all steps of predicted occupancy together."""
 SMALLEST_CELL_M = 0.1
 """Side of the smallest cells: a person is wider, and the time grows with the fourth power of their number."""
-_WIDEST_M = 1.0
-"""Standard deviation, the mean of all modes, above which a person is left out: a few per cent in each of
-tens of thousands of cells take long."""
+_PER_SPREAD, _MOST_DOUBLINGS = 2.0, 4
+"""Cells are at most so many times smaller than the standard deviation of a person, and doubled so often."""
 _REACH, _MARGIN = 4.0, 1.5
 """Nobody is expected beyond so many standard deviations and cells around a path."""
 
@@ -119,8 +118,7 @@ def grid_messages(
     """Topic -> nav_msgs/OccupancyGrid of each step: the probability that a person is in a cell, in per cent.
 
     The stamp of a grid is the time that it is about, its `map_load_time` the present. Static obstacles are
-    not in it. A person is left out of the steps at which the standard deviation of the modes is
-    above 1 m on average: a cell has a few per cent then.
+    not in it.
 
     Args:
         predictions: world frame.
@@ -152,37 +150,80 @@ def grid_messages(
 
 
 def _at(predictions: Predictions, step: int) -> Predictions:
-    """A step, from 0, of the people who are in few cells then."""
-    point, path, covariance = predictions.point, predictions.path, predictions.covariance
+    """A step, from 0, of the forecasts."""
     this = np.s_[..., step : step + 1, :]
-    if covariance is None:
-        return replace(predictions, point=point[this], path=path[this])
-    spread = covariance[..., step : step + 1, :, :]
-    wide_m = np.sqrt(np.diagonal(spread, axis1=-2, axis2=-1)).mean(axis=(-2, -1))
-    then = replace(predictions, point=point[this], path=path[this], covariance=spread)
-    return then.select(~((predictions.weight * wide_m).sum(axis=1) > _WIDEST_M))
+    covariance = predictions.covariance
+    spread = None if covariance is None else covariance[..., step : step + 1, :, :]
+    return replace(predictions, point=predictions.point[this], path=predictions.path[this], covariance=spread)
 
 
 def _per_cent(predictions: Predictions, ground: OccupancyMap) -> np.ndarray:
-    """`predicted_occupancy` of one step on the cells of a ground, in per cent. [X, Y] int8."""
-    cells = np.zeros(ground.occupied.shape, np.int8)
-    path = predictions.path
-    spread = np.zeros(path.shape)
+    """`predicted_occupancy` of one step on the cells of a ground, in per cent. [X, Y] int8.
+
+    Wide modes are computed on cells of twice, four times ... the side, which takes a fraction of the time:
+    the probability hardly changes over half a standard deviation.
+    """
+    spread = np.zeros(predictions.path.shape)
     if predictions.covariance is not None:
         spread = np.sqrt(np.diagonal(predictions.covariance, axis1=-2, axis2=-1))
     margin = _REACH * (spread + _MARGIN * ground.resolution_m) + BODY_M
-    low, high = (path - margin).min(axis=(1, 2)), (path + margin).max(axis=(1, 2))
-    known = np.isfinite(low).all(axis=1) & (high >= ground.origin).all(axis=1)
-    known &= (low <= ground.origin + ground.extent_m).all(axis=1)
-    if not known.any():
-        return cells
-    ends = np.array([low[known].min(axis=0), high[known].max(axis=0)])
-    first, last = np.clip(ground.cell_of(ends), 0, np.array(cells.shape) - 1).tolist()
-    part = slice(first[0], last[0] + 1), slice(first[1], last[1] + 1)
-    corner = ground.origin + ground.resolution_m * np.array(first)
-    cut = OccupancyMap(ground.occupied[part], corner, ground.resolution_m)
-    cells[part] = np.rint(100 * predicted_occupancy(predictions.select(known), cut)[0]).astype(np.int8)
-    return cells
+    low, high = ((predictions.path + sign * margin)[:, :, 0] for sign in (-1, 1))
+    near = np.isfinite(low).all(axis=2) & (high >= ground.origin).all(axis=2)
+    near &= (low <= ground.origin + ground.extent_m).all(axis=2)
+    cells_wide = spread.min(axis=(2, 3)) / (_PER_SPREAD * ground.resolution_m)
+    doublings = np.minimum(np.log2(np.maximum(cells_wide, 1.0)).astype(int), _MOST_DOUBLINGS)
+    free, covered = np.ones(ground.occupied.shape, np.float32), np.zeros(ground.occupied.shape, np.float32)
+    for person in np.flatnonzero(near.any(axis=1)).tolist():
+        for number in np.unique(doublings[person, near[person]]):
+            modes = near[person] & (doublings[person] == number)
+            ends = np.array([low[person, modes].min(axis=0), high[person, modes].max(axis=0)])
+            _add_modes(covered, _modes_of(predictions, person, modes), ground, ends, 2 ** int(number))
+        ends = np.array([low[person, near[person]].min(axis=0), high[person, near[person]].max(axis=0)])
+        first, last = np.maximum(ground.cell_of(ends) + np.array([[-1], [1]]) * 2**_MOST_DOUBLINGS, 0)
+        there = np.s_[first[0] : last[0] + 1, first[1] : last[1] + 1]
+        free[there] *= 1.0 - np.minimum(covered[there], 1.0)
+        covered[there] = 0.0
+    return np.rint(100 * (1.0 - free)).astype(np.int8)
+
+
+def _modes_of(predictions: Predictions, person: int, modes: np.ndarray) -> tuple[Predictions, float]:
+    """Some modes [K bool] of a person as if there were no others, and their share of the probability."""
+    weight = predictions.weight[person, modes].astype(np.float64)
+    covariance = predictions.covariance
+    alone = replace(
+        predictions,
+        point=predictions.point[person][None],
+        path=predictions.path[person, modes][None],
+        weight=(weight / weight.sum())[None],
+        covariance=None if covariance is None else covariance[person, modes][None],
+    )
+    return alone, float(weight.sum())
+
+
+def _add_modes(
+    covered: np.ndarray,
+    part: tuple[Predictions, float],
+    ground: OccupancyMap,
+    ends: np.ndarray,
+    factor: int,
+) -> None:
+    """Add to the probability that a person covers a cell.
+
+    Args:
+        covered: of the cells of the ground, changed in place. [X, Y]
+        part: modes of one step, and their share.
+        ground: the cells.
+        ends: lower and upper corner of a box around the modes, m. [2, 2]
+        factor: cells along each side that are computed as one.
+    """
+    predictions, share = part
+    first, last = np.clip(ground.cell_of(ends), 0, np.array(covered.shape) - 1) // factor
+    side_m = factor * ground.resolution_m
+    coarse = OccupancyMap(np.zeros(last - first + 1, bool), ground.origin + side_m * first, side_m)
+    taken = share * predicted_occupancy(predictions, coarse)[0]
+    around = covered[factor * first[0] :, factor * first[1] :]
+    cells = taken.repeat(factor, axis=0).repeat(factor, axis=1)[: around.shape[0], : around.shape[1]]
+    around[: cells.shape[0], : cells.shape[1]] += cells
 
 
 def fitting_ground(occupancy: OccupancyMap, cell_m: float, steps: int) -> OccupancyMap:
