@@ -12,7 +12,7 @@ from pedpred.command.prediction import METHOD, predictor_for
 from pedpred.command.recordings import read_ground_at
 from pedpred.errors import ValueRuleError
 from pedpred.online.replay import as_windows, replay_scene
-from pedpred.reading.checks import check_people
+from pedpred.reading.checks import check
 from pedpred.reading.errors import add_path
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.table import from_frame
@@ -68,7 +68,7 @@ def predict(
     with add_path(_TABLE):
         content, ids = from_frame(table, how)
         people = to_tracks(str(_TABLE), content, how).people
-        dt_s = check_people(str(_TABLE), people, agreed_unit(content.unit, how), any_speed)
+        dt_s = check(people, str(_TABLE), agreed_unit(content.unit, how), any_speed)
     scene = Scene("table", people, occupancy or OccupancyMap.free_around(people.position), dt_s)
     checked_placement(scene)
     predictor = predictor_for(scene, None if model is None else Path(model))

@@ -50,11 +50,6 @@ def check(people: Trajectories, name: str, unit: str = "m", any_speed: bool = Fa
     return dt_s
 
 
-def check_people(name: str, people: Trajectories, unit: str = "m", any_speed: bool = False) -> float:
-    """The same as `check`, with the name first."""
-    return check(people, name, unit, any_speed)
-
-
 def check_interval(dt_s: float) -> None:
     """Check that the usual time between two detections of a track can be seconds.
 
