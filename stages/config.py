@@ -365,6 +365,7 @@ def _literature(cfg: Params) -> None:
             settings, _ = eth_ucy.phase_of(cfg, name, phase)
             shares = getattr(settings, "shares", ())
             _names(f"{key}.{phase}.shares", shares, cfg["situations"]["simulated"])
+    _exports(cfg)
 
 
 PARTS: dict[str, Check] = {

@@ -20,7 +20,7 @@ def trials_of(cfg: Mapping[str, Any]) -> TrialSettings:
     return settings
 
 
-@stage
+@stage("name")
 def main(cfg: DictConfig) -> None:
     """Write data/drives/<name> and reports/metrics/driving/<name>.json, several episodes at once."""
     name, settings, out = stage_key(cfg), trials_of(cfg), Path(cfg.get("out", "."))

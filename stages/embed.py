@@ -27,7 +27,7 @@ def embed_into(out: Path, features: Path, shard: str, made_with: RowFormat, enco
     write_embeddings((encode_once(encoder, block).astype(np.float16) for block in crops), out, shard)
 
 
-@stage
+@stage("rows")
 def main(cfg: DictConfig) -> None:
     """Read models/autoencoder and all rows below the folder `rows`, write their embeddings below `out`."""
     rows, out = Path(cfg.rows), Path(cfg.out)

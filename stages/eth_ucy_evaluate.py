@@ -60,7 +60,7 @@ def evaluate_recording(
         write_scores(result, out / scene / method / f"{name}.parquet")
 
 
-@stage
+@stage()
 def main(cfg: DictConfig) -> None:
     """Write data/eth_ucy/scores/<fold>/<scene>/<method>/<recording>.parquet; nothing without recordings."""
     out, tasks = Path(cfg.get("out", TOP / "scores")), []

@@ -43,7 +43,7 @@ def figures_of(cfg: DictConfig, name: str, settings: Resampling) -> dict[str, An
     return figures
 
 
-@stage
+@stage()
 def main(cfg: DictConfig) -> None:
     """Write reports/metrics/literature.json, entries <scene>, or <scene>_<fold>; and reports/ade."""
     out, choices = Path(cfg.get("out", "reports")), plain(cfg.comparison)

@@ -12,7 +12,7 @@ from pedpred.storage.scenes import write_scene
 from stages.eth_ucy import RECORDINGS
 
 
-@stage
+@stage()
 def main(cfg: DictConfig) -> None:
     """Write data/eth_ucy/recordings/<recording>; scenes without people where the files are not available."""
     raw, out = Path(cfg.literature.raw), Path(cfg.get("out", RECORDINGS))

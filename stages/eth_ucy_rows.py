@@ -44,7 +44,7 @@ def write_steps(out: Path, cfg: DictConfig, made_with: RowFormat, name: str) -> 
     write_manifest(out, made_with, {name: RECORDINGS / name} if available else {})
 
 
-@stage
+@stage("name")
 def main(cfg: DictConfig) -> None:
     """Write data/eth_ucy/rows/<name>/recorded/<recording>; no rows where a recording is not available."""
     model = stage_key(cfg)

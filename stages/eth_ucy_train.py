@@ -95,7 +95,7 @@ def folds(cfg: DictConfig, name: str) -> Iterator[tuple[Any, ...]]:
             yield replace(settings, seed=seed), sets, MODELS / "worlds" / name, f"{name}/{key}/{seed}"
 
 
-@stage
+@stage("phase")
 def main(cfg: DictConfig) -> None:
     """Write models/eth_ucy/<phase>/<network>: trained on `worlds`, or `recorded`, a folder per fold and seed.
 

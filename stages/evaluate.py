@@ -24,6 +24,8 @@ from stages.perception import perception_of
 
 RESULTS = (Path("data/forecasts"), Path("data/scores"))
 AUTOENCODER = Path("models/autoencoder")
+WEIGHTS = ("baselines", "main", "folds")
+"""Of a simple method, which has none; of the main trainings; of the folds."""
 Folds = Mapping[str, Mapping[str, Any]]
 
 
@@ -52,20 +54,20 @@ def trials_of_baseline(cfg: DictConfig, name: str) -> Iterator[tuple[str, Path, 
         yield at, Path(name), Trial(name, simple, *perception_of(cfg, source), walking, metric_settings(cfg))
 
 
-def trials_of_network(cfg: DictConfig, name: str) -> Iterator[tuple[str, Path, Trial]]:
-    """A network at all test sets: with the weights of the main training, and with those of each fold."""
+def trials_of_network(cfg: DictConfig, name: str, weights: str) -> Iterator[tuple[str, Path, Trial]]:
+    """A network at all test sets: with the weights of each fold, or with those of the main training."""
     where, settings = cfg.methods.networks[name].where, metric_settings(cfg)
     links = {link: getattr(settings, link) for link in ("together", "learning", "trust")}
-    untrained = [fold for study in cfg.folds.values() for fold in study.values() if "train" not in fold]
-    trained = {key: fold for study in cfg.folds.values() for key, fold in study.items() if "train" in fold}
-    models = f"models/{cfg.methods.networks[name].settings.architecture}"
-    tested = [("main", Path(f"{models}_main", name), untrained)]
-    tested += [(key, Path(f"{models}_folds", name, key), [fold]) for key, fold in trained.items()]
-    for key, weights, folds in tested:
-        network = forecaster(weights, AUTOENCODER, **links)
+    trained = Path("models", f"{cfg.methods.networks[name].settings.architecture}_{weights}", name)
+    folds = [(key, fold) for study in cfg.folds.values() for key, fold in study.items()]
+    tested = [(key, [fold]) for key, fold in folds if "train" in fold]
+    if weights == "main":
+        tested = [("", [fold for _, fold in folds if "train" not in fold])]
+    for key, of_weights in tested:
+        network = forecaster(trained / key, AUTOENCODER, **links)
         memory = bool(network.network.state_shapes)
         grids = network.features if isinstance(network.features, LstmFeatures) else None  # for pictures
-        for at in tested_sets(folds, where):
+        for at in tested_sets(of_weights, where):
             seen = perception_of(cfg, source_of(cfg, at))
             yield at, Path(name, key), Trial(name, network, *seen, None, settings, memory, grids)
 
@@ -76,23 +78,28 @@ def source_of(cfg: DictConfig, at: str) -> DictConfig:
     return cfg[one_of("kind", kind, SETS)][key]
 
 
-@stage
+@stage("name", "weights")
 def main(cfg: DictConfig) -> None:
-    """Write data/forecasts/<name> and data/scores/<name>: a folder per test set, of networks per weights.
+    """Write data/forecasts/<weights>/<name> and data/scores/<weights>/<name>: a folder per test set.
 
-    Several scenes are measured at once; `out` is another root than here.
+    `weights` are main; folds, a folder for each; or baselines, which have none. Several scenes are measured
+    at once; `out` is another root than here.
     """
-    name, outs = stage_key(cfg), [Path(cfg.get("out", "."), top) for top in RESULTS]
-    trials_of = trials_of_baseline if name in cfg.methods.get("baselines", {}) else trials_of_network
-    if trials_of is trials_of_network:
+    name, weights = stage_key(cfg), cfg.weights
+    one_of("weights", weights, dict.fromkeys(WEIGHTS))
+    if weights == "baselines":
+        one_of("name", name, cfg.methods.get("baselines", {}))
+        trials = trials_of_baseline(cfg, name)
+    else:
         one_of("name", name, cfg.methods.get("networks", {}))
-    tasks = []
+        trials = trials_of_network(cfg, name, weights)
+    outs, tasks = [Path(cfg.get("out", "."), top, weights) for top in RESULTS], []
     for out in outs:
         (out / name).mkdir(parents=True, exist_ok=True)  # also if no place is available
-    for at, folder, trial in trials_of(cfg, name):
+    for at, folder, trial in trials:
         scenes = scene_folders(Path("data/scenes", at))
         tasks += [(scene, trial, *(out / folder / at for out in outs)) for scene in scenes]
-    in_parallel(evaluate_on_one_thread, tasks, f"evaluate {name}", "scene")
+    in_parallel(evaluate_on_one_thread, tasks, f"evaluate {name}, {weights}", "scene")
 
 
 def evaluate_on_one_thread(*task: Any) -> None:

@@ -18,7 +18,7 @@ GROUPS = ("online", "driving", "literature")
 """Parts of the configuration with rows `exports`."""
 
 
-@stage
+@stage("name")
 def main(cfg: DictConfig) -> None:
     """Read a network and, if it reads the grid, the encoder; write models/online/<name>."""
     name = stage_key(cfg)

@@ -8,7 +8,7 @@ from pedpred.config import configured, plain, stage, stage_key
 from pedpred.sources.mirrors import Mirrors, provide
 
 
-@stage
+@stage("name")
 def main(cfg: DictConfig) -> None:
     """Write data/raw/<name>."""
     name = stage_key(cfg)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 OTHERS, SENSED = "others", "simulated/worlds"
-"""What a fold may name as `train`: all places but those that it tests, and sensed worlds, without which
+"""What a fold may name in `train`: all places but those that it tests, and sensed worlds, without which
 networks with a memory forget walls. Networks without memory add simulated sets by their phase of training."""
 
 
@@ -17,6 +17,5 @@ def trained_sets(fold: Mapping[str, Any], places: Iterable[str]) -> list[str]:
         fold: row of conf/folds with `train`.
         places: names of all places.
     """
-    if fold["train"] != OTHERS:
-        return list(fold["train"])
-    return [SENSED, *(at for at in (f"real/{place}" for place in places) if at not in fold["test"])]
+    others = [SENSED, *(at for at in (f"real/{place}" for place in places) if at not in fold["test"])]
+    return [at for named in fold["train"] for at in (others if named == OTHERS else [named])]

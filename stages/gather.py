@@ -1,11 +1,13 @@
 """gather@study: the figures of all methods at the test sets of a study."""
 
+import itertools
 from pathlib import Path
 
 from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage, stage_key
 from pedpred.errors import ConfigError, InputError
+from pedpred.evaluation.forecasts import result_folders
 from pedpred.evaluation.scores import Resampling, Scores, read_scores
 from pedpred.evaluation.summary import summarise_test_set
 from pedpred.files import write_json
@@ -21,15 +23,14 @@ def scores_at(cfg: DictConfig, models: str, at: str) -> dict[str, dict[str, Scor
         at: the set, kind/name.
     """
     by_test: dict[str, dict[str, Scores]] = {}
-    for group, rows in cfg.methods.items():
-        for method in rows:
-            folder = Path("data/scores", method, "" if group == "baselines" else models, at)
-            for path in sorted(folder.glob("*.parquet")):
+    for method in itertools.chain(*cfg.methods.values()):
+        for folder in result_folders(Path("data/scores"), method, models):
+            for path in sorted((folder / at).glob("*.parquet")):
                 by_test.setdefault(path.stem, {})[method] = read_scores(path)
     return by_test
 
 
-@stage
+@stage("name")
 def main(cfg: DictConfig) -> None:
     """Read data/scores, write reports/metrics/<study>.json in the order of conf/folds.
 
@@ -40,7 +41,7 @@ def main(cfg: DictConfig) -> None:
     reference = comparison.pop("reference")
     with configured("comparison"):
         settings = load(Resampling, comparison)
-    if not (of_reference := Path("data/scores", reference)).is_dir():
+    if not (of_reference := Path("data/scores/baselines", reference)).is_dir():
         raise InputError(of_reference, "scores", "there are none")
     gathered: dict = {}
     errors_m: dict = {}

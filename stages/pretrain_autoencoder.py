@@ -19,7 +19,7 @@ from pedpred.training.loop import scratch_folder, train
 from pedpred.training.pretraining import AutoencoderLearner, AutoencoderSettings
 
 
-@stage
+@stage("curve")
 def main(cfg: DictConfig) -> None:
     """Read data/rows/lstm/simulated/main, write models/autoencoder and its curve."""
     options = plain(cfg.autoencoder)

@@ -15,7 +15,7 @@ from pedpred.settings import load
 from pedpred.storage.scenes import read_scene
 
 
-@stage
+@stage("scene", "networks")
 def main(cfg: DictConfig) -> None:
     """Write data/recordings/<scene>.mcap, its Foxglove layout and reports/walking/<scene>.gif.
 

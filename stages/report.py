@@ -68,7 +68,7 @@ def expanded(folds: Mapping[str, Any], places: Iterable[str]) -> dict[str, Any]:
     }
 
 
-@stage
+@stage()
 def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote, draw every picture once, write all pages below `out`."""
     out, figures = Path(cfg.get("out", "reports")), metrics_now(Path("reports/metrics"))

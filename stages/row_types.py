@@ -21,10 +21,10 @@ class PlaceRow(Settings):
 
 @dataclass(frozen=True)
 class FoldRow(Settings):
-    """Sets that a fold trains on and tests; `train` may be a word for some (`stages.folds`)."""
+    """Sets that a fold trains on and tests; in `train` a word may stand for some (`stages.folds`)."""
 
     test: tuple[str, ...]
-    train: tuple[str, ...] | str = ()
+    train: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class PromiseRow(Settings):
 
 
 @dataclass(frozen=True)
-class OnlineRows:
+class OnlineRows(Settings):
     """What is exported, and what is promised of it."""
 
     exports: Mapping[str, ExportRow]

@@ -201,14 +201,14 @@ def sets_of(cfg: DictConfig, model: str, kind: str, out: Path) -> Iterator[RowSe
             yield instants_of_place(cfg, model, key, out / key)
 
 
-@stage
+@stage("name", "kind")
 def main(cfg: DictConfig) -> None:
     """Write data/rows/<name>/<kind>, a folder per set; `name` is a row of conf/features."""
     model, kind = stage_key(cfg), one_of("kind", cfg.kind, {kind: kind for kind in SETS})
     one_of("name", model, cfg.features)
     out = Path(cfg.get("out") or f"data/rows/{model}/{kind}")
-    out.mkdir(parents=True, exist_ok=True)
     sets = list(sets_of(cfg, model, kind, out))
+    out.mkdir(parents=True, exist_ok=True)
     in_parallel(call, [task for each in sets for task in each.tasks], f"rows of {model}, {kind}", "file")
     for each in sets:
         each.finish()

@@ -142,7 +142,7 @@ def train(
             write_curve(progress, curve)
 
 
-@stage
+@stage("name", "network", "fold", "curve")
 def main(cfg: DictConfig) -> None:
     """Train row `name` of conf/trainings: models/<name>, a folder per network, and in it one per fold.
 

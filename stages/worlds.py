@@ -3,15 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pedpred.config import configured, part
 from pedpred.errors import ConfigError
 from pedpred.files import read_yaml
-from pedpred.settings import load
+from pedpred.settings import In, Settings, load
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
+
+
+@dataclass(frozen=True)
+class WorldFiles(Settings):
+    """Where these are written.
+
+    Attributes:
+        ranges: file of `WorldSettings`.
+        sensing: file of `SensingSettings`.
+        duration_s: of every world; 0: that of its kind.
+    """
+
+    ranges: str
+    sensing: str
+    duration_s: Annotated[float, In("[0, 1000000]")] = 0.0
 
 
 def worlds_of(cfg: Mapping[str, Any]) -> tuple[WorldSettings, SensingSettings]:
@@ -20,18 +36,15 @@ def worlds_of(cfg: Mapping[str, Any]) -> tuple[WorldSettings, SensingSettings]:
     Raises:
         ConfigError: a file is missing, or a value breaks its rule; it names file and key.
     """
-    row = part(cfg, "worlds")
-    tables = {key: read_table(row, key) for key in ("ranges", "sensing")}
-    if row["duration_s"] is not None:
-        for kind in tables["ranges"].values():
+    with configured("worlds"):
+        files = load(WorldFiles, part(cfg, "worlds"))
+    ranges = read_yaml(Path(files.ranges), partial(ConfigError, "worlds.ranges", files.ranges))
+    sensing = read_yaml(Path(files.sensing), partial(ConfigError, "worlds.sensing", files.sensing))
+    if files.duration_s:
+        for kind in ranges.values():
             if isinstance(kind, dict) and "duration_s" in kind:
-                kind["duration_s"] = row["duration_s"]
-    with configured(row["ranges"]):
-        worlds: WorldSettings = load(WorldSettings, tables["ranges"])
-    with configured(row["sensing"]):
-        return worlds, load(SensingSettings, tables["sensing"])
-
-
-def read_table(row: Mapping[str, Any], key: str) -> dict[str, Any]:
-    """Read the file that a key of `worlds` names."""
-    return read_yaml(Path(row[key]), partial(ConfigError, f"worlds.{key}", row[key]))
+                kind["duration_s"] = files.duration_s
+    with configured(files.ranges):
+        worlds: WorldSettings = load(WorldSettings, ranges)
+    with configured(files.sensing):
+        return worlds, load(SensingSettings, sensing)

@@ -57,7 +57,8 @@ def test_every_point_composes_and_differs(path):
         check_parts(point)  # else the stage `config` ends the experiment
     written = set()
     for name, _, key in (target.partition("@") for target in ablation.targets):
-        written |= {next(iter(entry)).replace("${key}", key) for entry in PIPELINE[name]["do"]["outs"]}
+        outs = PIPELINE[name]["do"]["outs"]
+        written |= {next(iter(entry)).replace("${key}", key) for entry in outs}
     assert {ablation.metrics, *(column.metrics for column in ablation.columns.values())} <= written
     assert f"simulated/{ablation.entry}" in points[0]["folds"]["sim"]["simulation"]["test"]
 

@@ -62,6 +62,8 @@ SMALL += ["training.corridor.sets=[real/toy]"]
 OTHERS = [f"~folds.real.{fold}" for fold in PARAMS["folds"]["real"]]
 OTHERS += [f"methods.networks.{name}.where=[]" for name in PARAMS["methods"]["networks"]]
 OTHERS += ["~folds.sim", "~folds.transfer"]
+OTHERS += [f"~places.{name}" for name in PARAMS["places"]]
+OTHERS += [f"~situations.simulated.{name}" for name in PARAMS["situations"]["simulated"]]
 OTHERS += ["~report.methods.mixture", "~report.methods.mixture_small"]
 OTHERS += [f"+report.methods.toy={{label: {SHOWN['label']}, colour: '{SHOWN['colour']}', role: network}}"]
 EXPORT = f"network: toy, weights: models/toy_folds/toy/toy, tracker: {PLACE['tracker']}"
@@ -74,7 +76,8 @@ RUNS = [
     ("rows", {"name": "mixture", "kind": "simulated"}),
     ("train", {"name": "toy_main"}),
     ("train", {"name": "toy_folds", "fold": "toy"}),
-    *(("evaluate", {"name": name}) for name in ("cv", "kalman_cv", "again", "toy")),
+    *(("evaluate", {"name": name, "weights": "baselines"}) for name in ("cv", "kalman_cv", "again")),
+    ("evaluate", {"name": "toy", "weights": "folds"}),
     ("gather", {"name": "real"}),
     ("report", {}),
     ("export", TOY),
@@ -292,7 +295,7 @@ def test_a_new_network_is_trained_and_evaluated_with_all_its_modes(reproduced):
     )
     assert not np.array_equal(before[0]["out.weight"], after[0]["out.weight"])
     assert before[0]["read.weight"].shape == (6, 3), "it reads the velocity and the new channel"
-    windows = read_windows(folder / "data/forecasts/toy/toy/real/toy/toy.parquet")
+    windows = read_windows(folder / "data/forecasts/folds/toy/toy/real/toy/toy.parquet")
     assert windows.predictions["toy"].modes == 2
     np.testing.assert_allclose(windows.predictions["toy"].weight[:, 1], 1 / 3, atol=1e-4)
 

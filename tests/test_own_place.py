@@ -68,9 +68,10 @@ def bring(project, name):
 
 def evaluate(project):
     """Test all methods."""
-    for group in ("baselines", "networks"):
+    for group, tested in {"baselines": ["baselines"], "networks": ["main", "folds"]}.items():
         for name in project["methods"][group]:
-            run("evaluate", project, name=name)
+            for weights in tested:
+                run("evaluate", project, name=name, weights=weights)
 
 
 def report(project):
@@ -205,14 +206,16 @@ def test_simple_methods_are_tested_there_alone_as_the_page_says(project):
     Path("conf/folds/crossing.yaml").write_text(fold)
     for line in commands.splitlines():
         _, _, stage, *overrides = shlex.split(line, comments=True)
-        run(stage.removeprefix("stages."), yaml.safe_load(config.composed(Path("conf"), overrides)))
+        given = dict(one[1:].split("=") for one in overrides if one.startswith("+"))
+        text = config.composed(Path("conf"), [one for one in overrides if not one.startswith("+")])
+        run(stage.removeprefix("stages."), yaml.safe_load(text), **given)
     figures = json.loads(Path("build/crossing/metrics/real.json").read_text())
     assert set(figures["crossing"]) == {"kalman_cv", "cv"} <= project["methods"]["baselines"].keys()
 
 
 def test_figures_stay_while_nothing_is_evaluated(project):
     for stage, folder, arguments in (
-        ("gather", f"data/scores/{project['comparison']['reference']}", {"name": "real"}),
+        ("gather", f"data/scores/baselines/{project['comparison']['reference']}", {"name": "real"}),
         ("eth_ucy_gather", f"data/eth_ucy/scores/{next(iter(project['literature']['folds']))}", {}),
     ):
         with pytest.raises(InputError, match=f"^{folder}, scores: there are none"):
@@ -232,7 +235,7 @@ def test_training_goes_without_a_missing_place(crossing):
     missing(crossing, "eth")
     trained = {"other": ["crossing"], "missing": ["eth"], "both": ["eth", "crossing"]}
     crossing["folds"]["real"] = {
-        name: {"train": [f"real/{place}" for place in places]} for name, places in trained.items()
+        name: {"train": [f"real/{place}" for place in places], "test": []} for name, places in trained.items()
     }
     run("train", crossing, name="lstm_folds", network="lstm")
     before, other, without, both = (

@@ -35,7 +35,7 @@ _SHOWN = [*prose.pages(ROOT), *sorted((ROOT / "ros").rglob("*.md"))]
 PAGES = {str(path.relative_to(ROOT)): path.read_text() for path in _SHOWN}
 COMMANDS_IN = {"sh": "", "bash": "", "console": "$ "}
 """Language of a block with commands -> what they begin with; other lines are what they print."""
-OTHERS = {"bibtex", "python", "text", "yaml"}
+OTHERS = {"bibtex", "mermaid", "python", "text", "yaml"}
 """Languages of the blocks without commands."""
 PLACE = "eth"
 """Stands for <name> where a command asks for a place; it has the people of examples/corner."""
@@ -97,8 +97,7 @@ IN_A_COPY = (
 
 FEW_ROWS = {
     "places/recorded": ({"eth", "hotel"},),
-    "methods/networks": ({"lstm"},),
-    "methods/memoryless": ({"mixture"},),
+    "methods/networks": ({"lstm", "mixture"},),
     "situations/varied": ("simulated", {"main"}),
     "literature/eth_ucy": ("folds", {"eth"}),
     "online/robot": ("exports", {"large"}),
@@ -201,7 +200,7 @@ def project(tmp_path_factory):
     """A copy of the project with few stages and two commits, whose requirements are installed; no results."""
     copy = tmp_path_factory.mktemp("copy") / "project"
     done(ROOT, ".ci/copy", str(copy)).check_returncode()
-    (copy / "dvc.lock").unlink()
+    (copy / "dvc.lock").unlink(missing_ok=True)
     leave_few_rows(copy / "conf")
     (copy / "params.yaml").write_text(config.composed(copy / "conf", []))
     for message in ("one", "two"):
@@ -263,9 +262,10 @@ def test_the_walk_through_measures_what_its_comments_say(folder, commanded):
 
 @pytest.fixture(scope="module")
 def targets():
-    """Names of the stages of the project and of their families, as DVC takes them for targets."""
+    """Names of stages, of their families and of pipelines, as DVC takes them for targets."""
     names = {stage.name for stage in stages()}
-    return names | {name.partition("@")[0] for name in names}
+    files = {str(path.relative_to(ROOT)) for path in config.pipelines(ROOT)}
+    return files | names | {name.partition("@")[0] for name in names}
 
 
 @functools.cache

@@ -3,7 +3,6 @@
 import json
 
 import pytest
-from stages.evaluate_literature import fit_filter
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.evaluation import EvaluationSettings, summarise_methods
@@ -12,6 +11,7 @@ from pedpred.literature.windows import find_windows
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
 from stages.eth_ucy import comparison_of
+from stages.eth_ucy_evaluate import fit_filter
 from tests.configuration import read
 from tests.conftest import raw_folder
 from tests.trust.figures import COMMITTED, TOLERANCE, measured, published

@@ -105,8 +105,8 @@ def test_a_fold_is_tested_with_its_own_weights(network, monkeypatch):
     """Those of other folds have been trained on some of its test places."""
     monkeypatch.setattr(evaluate, "forecaster", lambda weights, *_, **__: Mock(weights=weights))
     cfg = OmegaConf.create(PARAMS)
-    trials = list(evaluate.trials_of_network(cfg, network))
-    used = {at: trial.forecaster.weights for at, folder, trial in trials if folder.name != "main"}
+    trials = evaluate.trials_of_network(cfg, network, "folds")
+    used = {at: trial.forecaster.weights for at, _, trial in trials}
     folds = [(fold, at) for fold, row in FOLDS["real"].items() for at in row["test"]]
     architecture = PARAMS["methods"]["networks"][network]["settings"]["architecture"]
     expected = {at: Path(f"models/{architecture}_folds", network, fold) for fold, at in folds}
