@@ -185,6 +185,15 @@ def read_params(root: Path) -> DictConfig:
         return OmegaConf.create(values)
 
 
+def read_table(file: str | Path) -> dict[str, Any]:
+    """Read a file of conf/ that stages depend on as it is, since nobody overrides single values of it.
+
+    Raises:
+        ConfigError: the file is missing or damaged.
+    """
+    return read_yaml(Path(file), partial(ConfigError, Path(file).stem, str(file)))
+
+
 def stage_key(cfg: DictConfig) -> str:
     """Return the set, place or network that the command's `+name=` says; a `ConfigError` without it."""
     if not cfg.get("name"):

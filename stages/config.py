@@ -32,9 +32,8 @@ from pedpred.literature.settings import ComparisonSettings
 from pedpred.models import ARCHITECTURES
 from pedpred.models.features import FEATURES
 from pedpred.models.registry import parse_settings
-from pedpred.report.findings import Paper
+from pedpred.report.literature import read_published
 from pedpred.report.methods import Methods
-from pedpred.report.page.player import ReplaySettings
 from pedpred.scenes import VARIANTS
 from pedpred.sequences import SequenceSets
 from pedpred.settings import check_names, load, load_each, load_together
@@ -45,7 +44,6 @@ from pedpred.simulation.settings import SetUse, SimulationSettings, social_force
 from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.sources import SETTINGS, SOURCES
 from pedpred.sources.eth_ucy import EthUcySettings
-from pedpred.sources.mirrors import Mirrors
 from pedpred.training import AutoencoderSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
 from stages import eth_ucy
@@ -53,15 +51,15 @@ from stages.code import write_code
 from stages.drive import trials_of
 from stages.eth_ucy import MODELS, PHASES, comparison_of
 from stages.export import GROUPS as EXPORTING
+from stages.fetch import mirrors_of
 from stages.folds import SENSED, trained_sets
 from stages.perception import features_of, kalman_of, protocol_of
+from stages.report import read_page, read_paper
 from stages.row_types import (
     ExportRow,
     FoldRow,
     OnlineRows,
-    PageRows,
     PlaceRow,
-    PublishedRows,
     RecordingRows,
     Reference,
 )
@@ -328,17 +326,10 @@ def _comparison(cfg: Params) -> None:
 
 
 def _report(cfg: Params) -> None:
-    parts = dict.fromkeys(("methods", "paper", "page", "published"))
-    _names("report", part(cfg, "report"), parts)
-    with configured("report"):
-        Methods.parse(part(cfg, "report", "methods"), cfg["comparison"]["reference"])
-        load(PublishedRows, {"published": cfg["report"]["published"]})
-    with configured("report.paper"):
-        load(Paper, part(cfg, "report", "paper"))
-    with configured("report.page"):
-        rows, shown = load_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
-    _names("report.page.replays", rows.replays, cfg["folds"])
-    _names("report.page.methods", shown.methods, _keys(cfg))
+    Methods.read(Path(), cfg["comparison"]["reference"])
+    read_published(Path())
+    read_paper()
+    _names("conf/report/page.yaml, replays", read_page()[0].replays, STUDIES)
 
 
 def _literature(cfg: Params) -> None:
@@ -369,7 +360,7 @@ def _literature(cfg: Params) -> None:
 
 
 PARTS: dict[str, Check] = {
-    "mirrors": _each("mirrors", lambda cfg, name: Mirrors.parse(name, part(cfg, "mirrors", name))),
+    "mirrors": lambda cfg: [mirrors_of(cfg, name) for name in part(cfg, "mirrors")],
     "trackers": _each("trackers", lambda cfg, name: parse_tracker(row(cfg, "trackers", name))),
     "sensors": _each("sensors", lambda cfg, name: load(SensorSettings, row(cfg, "sensors", name))),
     "social_forces": _each(
@@ -395,9 +386,14 @@ PARTS: dict[str, Check] = {
     "recording": _recording,
     "driving": _driving,
     "literature": _literature,
-    "report": _report,
 }
 """Key of params.yaml -> what makes its settings, as stages do."""
+
+TABLES: tuple[Check, ...] = (
+    lambda cfg: check_layouts(read_layouts(layout_names())),
+    _report,
+)
+"""Checks of files of conf/ that are no part of params.yaml."""
 
 
 def check_parts(cfg: Params) -> None:
@@ -449,7 +445,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     with config_errors():
         params = read_params(Path())
         check_parts(plain(params))
-        check_layouts(read_layouts(layout_names()))
+        for check in TABLES:
+            check(plain(params))
         config.main(["--check", "--stamp", STAMP])
         write_shared(params, Path())
         write_code()

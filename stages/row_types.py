@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pedpred.report.animation import Animation
-from pedpred.settings import In, Range, Settings
+from pedpred.settings import In, Settings
 
 
 @dataclass(frozen=True)
@@ -87,27 +87,3 @@ class PageRows(Settings):
 
     replays: Mapping[str, Sequence[str]]
     avif_speed: Annotated[int, In("[0, 10]")]
-
-
-@dataclass(frozen=True)
-class PublishedRow(Settings):
-    """Errors that others published under the protocol of `pedpred.literature`.
-
-    Attributes:
-        name: of their method.
-        samples: number of forecasts the best of which counts.
-        errors_m: scene, or "mean" of all five -> (ADE, FDE).
-        remark: how theirs was measured.
-    """
-
-    name: str
-    samples: Annotated[int, In("[1, 1000]")]
-    errors_m: Mapping[str, Annotated[Range, In("(0, 1000]")]]
-    remark: str = ""
-
-
-@dataclass(frozen=True)
-class PublishedRows:
-    """What others published."""
-
-    published: Sequence[PublishedRow]

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
 from typing import Annotated, Any
 
-from pedpred.config import configured, part
-from pedpred.errors import ConfigError
-from pedpred.files import read_yaml
+from pedpred.config import configured, part, read_table
 from pedpred.settings import In, Settings, load
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
 
@@ -38,8 +34,7 @@ def worlds_of(cfg: Mapping[str, Any]) -> tuple[WorldSettings, SensingSettings]:
     """
     with configured("worlds"):
         files = load(WorldFiles, part(cfg, "worlds"))
-    ranges = read_yaml(Path(files.ranges), partial(ConfigError, "worlds.ranges", files.ranges))
-    sensing = read_yaml(Path(files.sensing), partial(ConfigError, "worlds.sensing", files.sensing))
+    ranges, sensing = read_table(files.ranges), read_table(files.sensing)
     if files.duration_s:
         for kind in ranges.values():
             if isinstance(kind, dict) and "duration_s" in kind:

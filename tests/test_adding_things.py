@@ -64,8 +64,6 @@ OTHERS += [f"methods.networks.{name}.where=[]" for name in PARAMS["methods"]["ne
 OTHERS += ["~folds.sim", "~folds.transfer"]
 OTHERS += [f"~places.{name}" for name in PARAMS["places"]]
 OTHERS += [f"~situations.simulated.{name}" for name in PARAMS["situations"]["simulated"]]
-OTHERS += ["~report.methods.mixture", "~report.methods.mixture_small"]
-OTHERS += [f"+report.methods.toy={{label: {SHOWN['label']}, colour: '{SHOWN['colour']}', role: network}}"]
 EXPORT = f"network: toy, weights: models/toy_folds/toy/toy, tracker: {PLACE['tracker']}"
 OTHERS += [f"+online.exports.toy={{{EXPORT}}}"]
 TOY = {"name": "toy"}
@@ -175,7 +173,7 @@ def additions():
                 "from pedpred.scenes": "from pedpred.sources import toy",
                 "SOURCES:": '    "toy": toy.read_people,',
             },
-            "conf/config.yaml": {"  - _self_": "  - mirrors@mirrors.toy: toy"},
+            "conf/config.yaml": {"mirrors:": "  toy: conf/mirrors/toy.yaml"},
         },
         "place": {"conf/places/recorded.yaml": {"": f"toy: {json.dumps(PLACE)}"}},
         "method row": {"conf/methods/baselines.yaml": {"": f"again: {json.dumps(METHOD)}"}},
@@ -194,6 +192,7 @@ def additions():
             "conf/sensing/varied.yaml": {"views:": f"  toy: {json.dumps(SENSING['views']['bottleneck'])}"},
             "conf/situations/varied.yaml": {"simulated:": f"  toy: {json.dumps(WORLD)}"},
         },
+        "label and colour": {"conf/report/methods.yaml": {"": f"toy: {json.dumps(SHOWN)}"}},
         "fold": {"conf/folds/leave_one_out.yaml": {"real:": f"  toy: {json.dumps(FOLD)}"}},
     }
 

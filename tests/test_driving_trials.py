@@ -25,7 +25,7 @@ from pedpred.report.drives import LABELS, answer, curves_figure, drives_section,
 from pedpred.ros import read_bag
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import write_scene
-from stages import drive, report
+from stages import drive, report_study
 from tests.configuration import composed
 from tests.conftest import ROOT
 
@@ -100,9 +100,9 @@ def test_the_report_shows_rows_of_the_configuration_alone(tmp_path, monkeypatch)
         write_json(Path("data/drives", name, "shown.json"), {})
         write_json(folder / f"{name}.json", figures_of(rows))
     write_json(folder / "unavailable.json", {})
-    section = report.drives_of(["corridor", "unavailable", "not_driven_yet"])
+    section = report_study.drives_of(["corridor", "unavailable", "not_driven_yet"])
     assert [picture.name for picture in section.pictures] == ["corridor_curves"]
-    assert report.drives_of([]).blocks == []
+    assert report_study.drives_of([]).blocks == []
 
 
 def test_the_stage_at_the_smallest_scale_writes_table_and_figures(tmp_path, monkeypatch):

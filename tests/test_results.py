@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from pedpred.config import plain, read_params
+from pedpred.config import read_params
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.metrics import METRICS, Metric
 from pedpred.report.document import Picture, Pictures, Section, join_pages, markdown_table
@@ -364,8 +364,7 @@ def test_exact_forecasts_have_pages(exact):
 
 @pytest.fixture(scope="module")
 def all_methods():
-    params = plain(read_params(ROOT))
-    return Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
+    return Methods.read(ROOT, read_params(ROOT).comparison.reference)
 
 
 @pytest.fixture

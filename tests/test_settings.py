@@ -15,10 +15,16 @@ from omegaconf import OmegaConf
 
 from pedpred.config import part
 from pedpred.errors import PedpredError
-from pedpred.settings import load
+from pedpred.report.findings import Paper
+from pedpred.report.literature import PublishedRows
+from pedpred.report.methods import Methods
+from pedpred.report.page.player import ReplaySettings
+from pedpred.settings import load, load_together
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
+from pedpred.sources.mirrors import Mirrors
 from stages import eth_ucy_train, evaluate, pretrain_autoencoder, rows, train
 from stages.config import PARTS, STAMP, check_layouts, check_parts, layout_names, main
+from stages.row_types import PageRows
 from stages.simulate import read_layouts
 from tests.configuration import read
 from tests.conftest import ROOT
@@ -28,37 +34,48 @@ FILES = {
     "layouts": LAYOUTS,
     "ranges": read("conf/worlds/varied.yaml"),
     "sensing": read("conf/sensing/varied.yaml"),
+    "mirror": read("conf/mirrors/juelich.yaml"),
+    **{
+        f"shown_{name}": read(f"conf/report/{name}.yaml")
+        for name in ("methods", "paper", "page", "published")
+    },
 }
 PARAMS = read("params.yaml") | FILES
 CHECKS = PARTS | {
     "layouts": lambda cfg: check_layouts(part(cfg, "layouts")),
     "ranges": lambda cfg: load(WorldSettings, cfg["ranges"], "ranges"),
     "sensing": lambda cfg: load(SensingSettings, cfg["sensing"], "sensing"),
+    "mirror": lambda cfg: Mirrors.parse("mirror", cfg["mirror"]),
+    "shown_methods": lambda cfg: Methods.parse(cfg["shown_methods"], "cv"),
+    "shown_paper": lambda cfg: load(Paper, cfg["shown_paper"], "shown_paper"),
+    "shown_page": lambda cfg: load_together([PageRows, ReplaySettings], cfg["shown_page"]),
+    "shown_published": lambda cfg: load(PublishedRows, cfg["shown_published"], "shown_published"),
 }
-ROWS = ("mirrors", "trackers", "sensors", "social_forces", "simulations", "places", "folds", "layouts")
+ROWS = ("trackers", "sensors", "social_forces", "simulations", "places", "folds", "layouts")
 BASES = {base for name in ROWS for row in PARAMS[name].values() if (base := row.get("base"))}
 FREE = (  # names that are chosen freely, or that other parts of the configuration choose
+    "mirrors",
     *(name for name in ROWS if name != "folds"),
     *(f"folds.{study}" for study in PARAMS["folds"]),
     *(f"methods.{group}" for group in PARAMS["methods"]),
-    "report.methods",
+    "shown_methods",
     *("online.exports", "online.promises", "situations.simulated", "recording.scenes", "driving.places"),
     *(
         "literature.scenes",
         "literature.folds",
         "literature.exports",
         "driving.exports",
-        "mirrors.juelich.inside",
-        "report.published.*.errors_m",
-        "report.page.replays",
+        "mirror.inside",
+        "shown_published.published.*.errors_m",
+        "shown_page.replays",
     ),
     *(
-        "report.paper.ade_m",
-        "report.paper.ade_m.sim",
-        "report.paper.ade_m.real",
-        "report.paper.remarks",
-        "report.paper.at",
-        "report.paper.expectations",
+        "shown_paper.ade_m",
+        "shown_paper.ade_m.sim",
+        "shown_paper.ade_m.real",
+        "shown_paper.remarks",
+        "shown_paper.at",
+        "shown_paper.expectations",
     ),
 )
 NO_NUMBERS = ("x", True, None, [], [1.0, 2.0, 3.0], {}, math.nan, math.inf, -math.inf)

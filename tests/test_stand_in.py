@@ -75,8 +75,11 @@ def project(tmp_path, monkeypatch):
     about = {"archives": [], "timeout_s": 1.0, "optional": []}
     about["sha256sums"] = [f"{hashlib.sha256(WALK).hexdigest()} walk.txt"]
     mirrors = {name: about | {"folders": [f"mirror/{name}"]} for name in ("hall", "yard")}
+    for name, row in mirrors.items():
+        Path(f"conf/mirrors/{name}.yaml").write_text(yaml.safe_dump(row))
     places = {name: {"folder": f"data/raw/{name}"} for name in mirrors}
-    return OmegaConf.create({"mirrors": mirrors, "places": places})
+    files = {name: f"conf/mirrors/{name}.yaml" for name in mirrors}
+    return OmegaConf.create({"mirrors": files, "places": places})
 
 
 def put(name):
