@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.datasets import LaneBatch
-from pedpred.models.lstm.augmentation import Augmentation, augment, look_up
+from pedpred.training.augmentation import Augmentation, augment, look_up
 from tests.exported import rows_of
 
 CPU = torch.device("cpu")
@@ -18,7 +18,7 @@ def some_data(rng):
     shapes = ((2,), (6,), (HORIZON, 2), (7,))
     parts = (torch.from_numpy(rng.random((ROWS, *shape), np.float32)) for shape in shapes)
     velocity, angular, future, embedding = parts
-    codes = {"grid": embedding.to(torch.float16), "nothing": {"grid": torch.arange(7).float() + 2.0}}
+    codes = {"grid": embedding.to(torch.float16), "empty": {"grid": torch.arange(7).float() + 2.0}}
     return rows_of(velocity, future, tracks=1, angular=angular + 0.1, **codes)
 
 
@@ -32,7 +32,7 @@ def both(how, seed=0):
     data, batch = some_data(np.random.default_rng(1)), some_batch(np.random.default_rng(2))
     drawn = augment(batch, how, np.random.default_rng(seed))
     rows = torch.from_numpy(batch.rows)
-    return (data.padded_inputs(rows), data.future[rows]), look_up(data, drawn), batch, drawn
+    return (data.inputs(rows), data.future[rows]), look_up(data, drawn), batch, drawn
 
 
 def test_nothing_varies_by_default():

@@ -14,14 +14,15 @@ from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol
 from pedpred.models.features import RowFormat
 from pedpred.models.mixture.features import MixtureFeatures
-from pedpred.models.mixture.masking import InputMasking, mask
 from pedpred.models.registry import parse_settings
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.situations import situation_columns, write_situations, write_situations_manifest
 from pedpred.training.distributed import ALONE, DistributedContext
 from pedpred.training.fit import fit
-from pedpred.training.instants import InstantLearner, InstantSettings, mix_shares
+from pedpred.training.instants import InstantSettings
 from pedpred.training.loop import train
+from pedpred.training.masking import InputMasking, mask
+from pedpred.training.sets import RealShare
 from tests.exported import widths_of
 
 STEPS = 4
@@ -56,7 +57,7 @@ def learner(folders, how=QUICK, **context):
     torch.manual_seed(0)
     network = NETWORK.build(widths_of(SIZES), STEPS)
     here = DistributedContext(torch.device("cpu"), **context)
-    return InstantLearner(network, load_instants(folders), how, here)
+    return how.learner(network, load_instants(folders), here)
 
 
 def test_rows_are_those_on_disk_and_sets_must_have_the_same_sizes(folders, tmp_path):
@@ -74,9 +75,9 @@ def test_sets_are_drawn_by_their_shares_and_never_from_worlds_that_are_held_out(
     taught = learner(folders)
     rows = np.concatenate(list(islice(taught.batches(0), 200)))
     assert np.mean(rows < 80) == pytest.approx(0.75, abs=0.03)
-    assert len(taught.validation) == 30
-    assert not np.isin(rows, taught.validation).any()
-    worlds = np.unique(taught.validation // 10)
+    assert len(taught.sampler.validation) == 30
+    assert not np.isin(rows, taught.sampler.validation).any()
+    worlds = np.unique(taught.sampler.validation // 10)
     assert len(worlds) == 3  # whole ones
 
 
@@ -125,7 +126,7 @@ def test_several_runs_give_the_mean_of_their_weights(folders, tmp_path):
 def test_an_encoder_may_stay_as_it_was_drawn(folders):
     settings = dataclasses.replace(NETWORK, frozen=["beams"])
     data = load_instants(folders)
-    taught = InstantLearner(settings.build(widths_of(SIZES), STEPS), data, QUICK)
+    taught = QUICK.learner(settings.build(widths_of(SIZES), STEPS), data)
     before = {name: weights.clone() for name, weights in taught.network.state_dict().items()}
     train(taught, None, "train")
     changed = {n for n, weights in taught.network.state_dict().items() if not torch.equal(weights, before[n])}
@@ -154,7 +155,7 @@ def test_some_world_is_left_to_train_on(worlds, share, seed):
 )
 def test_real_places_share_their_part_equally(simulated, places, real_share):
     real = [f"real/{k}" for k in range(places)]
-    shares = mix_shares(simulated, real, real_share)
+    shares = RealShare(real_share=real_share).mixed(simulated, dict.fromkeys(real, 7))
     assert sum(shares.values()) == pytest.approx(1.0)
     assert sum(shares[k] for k in real) == pytest.approx(real_share if places else 0.0)
     for key, other in zip(simulated, list(simulated)[1:], strict=False):
@@ -166,7 +167,7 @@ def test_what_is_masked_is_as_if_it_were_not_there(folders, part):
     inputs = load_instants(folders).inputs(torch.arange(100))
     inputs["neighbours"] += 1.0
     how, rng = InputMasking(**{f"{part}_share": 1.0}), np.random.default_rng(0)
-    found = mask(inputs, how, SIZES.beam_range_m, rng)
+    found = mask(inputs, how, SIZES.empty_channels(), rng)
     assert (found["beams"] == SIZES.beam_range_m).all() == (part == "map")
     assert (found["neighbours"] == 0).all() == (part == "neighbours")
     history = found["history"].unflatten(-1, (-1, 3))

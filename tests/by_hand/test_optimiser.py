@@ -2,6 +2,7 @@
 
 import json
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from torch.nn.utils import clip_grad_norm_
 from pedpred.errors import ValueRuleError
 from pedpred.models.contract import Loss
 from pedpred.training.distributed import ALONE, DistributedContext, ThreadSettings
-from pedpred.training.instants import InstantSettings, RealShare
+from pedpred.training.instants import InstantSettings
 from pedpred.training.loop import (
     Learner,
     Progress,
@@ -22,8 +23,9 @@ from pedpred.training.loop import (
     train,
     train_step,
 )
-from pedpred.training.schedule import FitSettings, Schedule, learning_rate
-from pedpred.training.sequences import NamedSets, SequenceSettings
+from pedpred.training.schedule import Schedule, learning_rate
+from pedpred.training.sequences import SequenceSettings
+from pedpred.training.sets import NamedSets, RealShare
 
 HOW = Schedule(steps=7, validate_every=3, lr=0.5, warmup_steps=2, seed=0)
 RATES = (0.25, 0.5, 0.5, 0.4527317, 0.3289817, 0.1760183, 0.0522683)
@@ -111,9 +113,10 @@ def test_rates_at_the_limits():
     ],
 )
 def test_settings_outside_of_their_range_are_refused(name, value):
-    FitSettings(**FIT | {"steps": 10**9, "validate_every": 10**9, "warmup_steps": 10**9})
+    kind = partial(InstantSettings, **INSTANTS, validation_share=0.0)
+    kind(**FIT | {"steps": 10**9, "validate_every": 10**9, "warmup_steps": 10**9})
     with pytest.raises(ValueRuleError, match=name):
-        FitSettings(**FIT | {name: value})
+        kind(**FIT | {name: value})
 
 
 SEQUENCES = {"validation_by": "scene", "lanes": 1, "sub_sequence": 1, "longest_track": 1}
