@@ -20,7 +20,6 @@ from pedpred import config
 from pedpred.baselines.registry import baseline
 from pedpred.config import SETS, config_errors, configured, one_of, part, plain, read_params, row
 from pedpred.datasets.crops import CropSplit
-from pedpred.datasets.rows import EMBEDDED
 from pedpred.driving.trials import NO_WORLD
 from pedpred.driving.worlds import KINDS
 from pedpred.errors import ConfigError
@@ -31,17 +30,19 @@ from pedpred.forecasting import MethodRow
 from pedpred.literature.settings import ComparisonSettings
 from pedpred.models import ARCHITECTURES
 from pedpred.models.features import FEATURES
+from pedpred.models.lstm.encoding import EMBEDDED
 from pedpred.models.registry import parse_settings
 from pedpred.report.literature import read_published
 from pedpred.report.methods import Methods
+from pedpred.rows.recorded import ViewingSettings
+from pedpred.rows.sampling import RowSettings
+from pedpred.rows.simulated import SequenceSets, SimulatedSet
 from pedpred.scenes import VARIANTS
-from pedpred.sequences import SequenceSets
 from pedpred.settings import check_names, load, load_each, load_together
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.simulation.settings import SetUse, SimulationSettings, social_force_settings
-from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.sources import SETTINGS, SOURCES
 from pedpred.sources.eth_ucy import EthUcySettings
 from pedpred.training import AutoencoderSettings
@@ -176,7 +177,7 @@ def _inputs(cfg: Params, key: str, read: Iterable[str]) -> None:
     architecture = cfg["methods"]["networks"][key]["settings"]["architecture"]
     features = features_of(cfg, ARCHITECTURES[architecture].features)
     columns = {name: np.zeros((0, *column.shape)) for name, column in features.columns().items()}
-    held = {*features.channels({"state": np.zeros((0, 2)), **columns}), EMBEDDED}
+    held = {*features.channels(columns), EMBEDDED}
     if missing := sorted(set(read) - held):
         rule = f"it reads {', '.join(missing)}, but its training rows hold {', '.join(sorted(held))}"
         raise ConfigError(f"methods.networks.{key}.settings.architecture", architecture, rule)

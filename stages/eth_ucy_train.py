@@ -11,13 +11,11 @@ from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, stage
 from pedpred.models import ARCHITECTURES
+from pedpred.rows.files import count_rows_of
 from pedpred.storage.checkpoints import write_checkpoint
-from pedpred.storage.columns import count_rows
-from pedpred.storage.shards import has_rows
-from pedpred.storage.situations import read_situations_manifest
 from pedpred.training import FitSettings, InstantSettings
 from pedpred.training.distributed import distributed_context
-from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
+from pedpred.training.fit import copy_phase, fit, load_training_rows, write_curve
 from pedpred.workers import in_parallel
 from stages.eth_ucy import MODELS, PHASES, TOP, Phase, phase_of
 from stages.train import architecture_of, device_of
@@ -43,11 +41,8 @@ def recorded(phase: Phase, recordings: Sequence[str], rows: Path) -> tuple[FitSe
     settings, share = simulated(phase), phase[1]
     sets = [f"recorded/{key}" for key in recordings]
     if share is None or not isinstance(settings, InstantSettings):
-        return settings, [key for key in sets if has_rows(rows / key)]
-    sizes = {}
-    for key in sets:
-        if names := read_situations_manifest(rows / key)[1]:
-            sizes[key] = sum(count_rows(rows / key / f"{part}.parquet") for part in names)
+        return settings, [key for key in sets if count_rows_of(rows / key)]
+    sizes = {key: count for key in sets if (count := count_rows_of(rows / key))}
     shares = share.mixed(settings.shares, sizes) if sizes else {}
     return replace(settings, shares=shares or settings.shares), list(shares)
 
@@ -69,7 +64,7 @@ def train(
     architecture, device, rows = architecture_of(cfg, name), device_of(cfg), rows_of(cfg, name)
     folders, embeddings = ({key: top / key for key in sets} for top in (rows, EMBEDDINGS))
     with configured("training"), distributed_context(device.device, device.autocast) as here:
-        loaded = load_rows(architecture, settings, folders, embeddings, AUTOENCODER)
+        loaded = load_training_rows(architecture, folders, embeddings, AUTOENCODER)
         network, progress, about = fit(architecture, previous, loaded, settings, f"literature, {out}", here)
     if here.writes:
         write_checkpoint(out, network.state_dict(), about)

@@ -13,13 +13,12 @@ from omegaconf import DictConfig
 from pedpred.config import configured, one_of, part, stage, stage_key
 from pedpred.models.contract import NetworkSettings
 from pedpred.models.registry import parse_settings
+from pedpred.rows.files import count_rows_of
 from pedpred.settings import Settings, load, load_together
 from pedpred.storage.checkpoints import write_checkpoint
-from pedpred.storage.shards import has_rows
-from pedpred.storage.situations import read_situations_manifest
 from pedpred.training import FitSettings, InstantSettings, SequenceSettings
 from pedpred.training.distributed import DeviceSettings, distributed_context
-from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
+from pedpred.training.fit import copy_phase, fit, load_training_rows, write_curve
 from pedpred.training.sets import NamedSets, RealShare
 from pedpred.workers import in_parallel
 from stages.folds import trained_sets
@@ -94,9 +93,9 @@ def phase_of(cfg: Mapping[str, Any], phase: str) -> Phase:
 def recorded_sets(cfg: DictConfig, fold: Mapping[str, Any] | None, rows: Path, steps: bool) -> list[str]:
     """Names of the sets of a fold, or of all places, that have people: kind/name."""
     named = [f"real/{key}" for key in cfg.places] if fold is None else trained_sets(fold, cfg.places)
-    if steps:
-        return [key for key in named if has_rows(rows / key)]
-    return [key for key in named if key.startswith("real/") and read_situations_manifest(rows / key)[1]]
+    if not steps:
+        named = [key for key in named if key.startswith("real/")]
+    return [key for key in named if count_rows_of(rows / key)]
 
 
 def networks_of(cfg: Mapping[str, Any], architecture: str) -> list[str]:
@@ -135,7 +134,7 @@ def train(
         return
     folders, embeddings = ({key: top / key for key in sets} for top in (rows, embedded))
     with configured("training"), distributed_context(device.device, device.autocast) as here:
-        loaded = load_rows(architecture, settings, folders, embeddings, Path(row.encoder))
+        loaded = load_training_rows(architecture, folders, embeddings, Path(row.encoder))
         trained, progress, about = fit(architecture, previous, loaded, settings, curve.stem, here)
         if here.writes:
             write_checkpoint(out, trained.state_dict(), about)

@@ -9,14 +9,14 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.datasets.rows import load_instants, select_held_out
+from pedpred.datasets.rows import load_rows, select_held_out
 from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol
 from pedpred.models.features import RowFormat
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.registry import parse_settings
+from pedpred.rows.files import write_manifest, write_shard
 from pedpred.storage.checkpoints import write_checkpoint
-from pedpred.storage.situations import situation_columns, write_situations, write_situations_manifest
 from pedpred.training.distributed import ALONE, DistributedContext
 from pedpred.training.fit import fit
 from pedpred.training.instants import InstantSettings
@@ -48,8 +48,8 @@ def folders(tmp_path_factory):
             columns["future"] = (
                 columns["state"][:, None] * np.where(near, 0.0, 1.0)[:, None, None] * np.ones((4, 1))
             )
-            write_situations(columns, root / name, f"w{world}", situation_columns(MADE_WITH))
-        write_situations_manifest(root / name, MADE_WITH, [f"w{world}" for world in range(worlds)])
+            write_shard([columns], root / name, f"w{world}", MADE_WITH)
+        write_manifest(root / name, MADE_WITH, {f"w{world}": str(world) for world in range(worlds)})
     return {name: root / name for name in "ab"}
 
 
@@ -57,18 +57,18 @@ def learner(folders, how=QUICK, **context):
     torch.manual_seed(0)
     network = NETWORK.build(widths_of(SIZES), STEPS)
     here = DistributedContext(torch.device("cpu"), **context)
-    return how.learner(network, load_instants(folders), here)
+    return how.learner(network, load_rows(folders), here)
 
 
 def test_rows_are_those_on_disk_and_sets_must_have_the_same_sizes(folders, tmp_path):
-    data = load_instants(folders)
+    data = load_rows(folders)
     assert len(data.future) == 120
     assert data.by_set["b"].tolist()[0] == [80, 90]
     assert {name: v.shape[1] for name, v in data.channels.items()} == widths_of(SIZES)
     fewer = dataclasses.replace(MADE_WITH, features=dataclasses.replace(SIZES, beams=8))
-    write_situations_manifest(tmp_path, fewer, [])
+    write_manifest(tmp_path, fewer, {})
     with pytest.raises(ValueRuleError, match=r"other, beams.*a has 16"):
-        load_instants({"a": folders["a"], "other": tmp_path})
+        load_rows({"a": folders["a"], "other": tmp_path})
 
 
 def test_sets_are_drawn_by_their_shares_and_never_from_worlds_that_are_held_out(folders):
@@ -104,7 +104,7 @@ def test_a_training_goes_on_where_it_was_interrupted(folders, tmp_path):
 def test_several_runs_give_the_mean_of_their_weights(folders, tmp_path):
     def fitted(previous, seed, runs=1):
         how = dataclasses.replace(QUICK, seed=seed, runs=runs)
-        return fit(NETWORK, previous, load_instants(folders), how, "fit", ALONE)
+        return fit(NETWORK, previous, load_rows(folders), how, "fit", ALONE)
 
     start, _, about = fitted(None, 9)
     write_checkpoint(tmp_path / "start", start.state_dict(), about)
@@ -125,7 +125,7 @@ def test_several_runs_give_the_mean_of_their_weights(folders, tmp_path):
 
 def test_an_encoder_may_stay_as_it_was_drawn(folders):
     settings = dataclasses.replace(NETWORK, frozen=["beams"])
-    data = load_instants(folders)
+    data = load_rows(folders)
     taught = QUICK.learner(settings.build(widths_of(SIZES), STEPS), data)
     before = {name: weights.clone() for name, weights in taught.network.state_dict().items()}
     train(taught, None, "train")
@@ -164,7 +164,7 @@ def test_real_places_share_their_part_equally(simulated, places, real_share):
 
 @pytest.mark.parametrize("part", ["map", "neighbours", "past"])
 def test_what_is_masked_is_as_if_it_were_not_there(folders, part):
-    inputs = load_instants(folders).inputs(torch.arange(100))
+    inputs = load_rows(folders).inputs(torch.arange(100))
     inputs["neighbours"] += 1.0
     how, rng = InputMasking(**{f"{part}_share": 1.0}), np.random.default_rng(0)
     found = mask(inputs, how, SIZES.empty_channels(), rng)

@@ -73,7 +73,7 @@ class Leaky(ForecastNetwork):
         far = torch.linalg.vector_norm(outputs["velocities"] - future, dim=-1) * dt_s
         return {"far_m": far, "square": far**2}
 
-    def answer(self, outputs, dt_s):
+    def decode(self, outputs, dt_s):
         return outputs
 
     def clipped_groups(self):

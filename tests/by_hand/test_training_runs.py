@@ -21,7 +21,7 @@ from pedpred.training.distributed import (
     distributed_context,
     multiplies_bfloat16,
 )
-from pedpred.training.fit import average_weights, fit, initialise, load_rows, write_curve
+from pedpred.training.fit import average_weights, fit, initialise, load_training_rows, write_curve
 from pedpred.training.learner import FitSettings
 from pedpred.training.loop import Learner
 from tests.by_hand.test_learners import FIT, STEPS, data_of
@@ -248,10 +248,10 @@ def test_a_network_takes_what_fits_of_the_phase_before(tmp_path):
 def test_rows_beyond_a_track_have_the_code_of_free_ground(tmp_path, monkeypatch):
     encoder, asked = write_autoencoder(tmp_path).encoder, []
     data = data_of(grid=torch.zeros(20, 392))
-    monkeypatch.setattr(fitting, "load_sequences", lambda *given: asked.append(given) or data)
+    monkeypatch.setattr(fitting, "load_rows", lambda *given: asked.append(given) or data)
     folders, codes = {"a": tmp_path / "rows"}, {"a": tmp_path / "codes"}
-    assert load_rows(TINY, None, folders, codes, tmp_path / "none") is data
-    rows = load_rows(NETWORK, None, folders, codes, tmp_path)
+    assert load_training_rows(TINY, folders, codes, tmp_path / "none") is data
+    rows = load_training_rows(NETWORK, folders, codes, tmp_path)
     assert asked == [(folders,), (folders, codes)]
     free = encoder.embedding(torch.zeros(1, 60, 60))[0]
     torch.testing.assert_close(rows.empty["grid"], free.detach())
