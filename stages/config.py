@@ -47,10 +47,10 @@ from pedpred.sources import SETTINGS, SOURCES
 from pedpred.sources.eth_ucy import EthUcySettings
 from pedpred.training import AutoencoderSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
-from stages import eth_ucy
+from stages import eth_ucy_train
 from stages.code import write_code
 from stages.drive import trials_of
-from stages.eth_ucy import MODELS, PHASES, comparison_of
+from stages.eth_ucy import MODELS, comparison_of
 from stages.export import GROUPS as EXPORTING
 from stages.fetch import mirrors_of
 from stages.folds import SENSED, trained_sets
@@ -351,10 +351,12 @@ def _literature(cfg: Params) -> None:
     for name in part(cfg, "literature", "networks"):
         _names("literature.networks", [name], cfg["methods"]["networks"])
         key, phases = f"literature.networks.{name}", part(cfg, "literature", "networks", name)
-        if set(phases) != set(PHASES):
-            raise ConfigError(key, ", ".join(phases), f"it must have {' and '.join(PHASES)}, nothing else")
+        if set(phases) != set(eth_ucy_train.PHASES):
+            raise ConfigError(
+                key, ", ".join(phases), f"it must have {' and '.join(eth_ucy_train.PHASES)}, nothing else"
+            )
         for phase in phases:
-            settings, _ = eth_ucy.phase_of(cfg, name, phase)
+            settings, _ = eth_ucy_train.phase_of(cfg, name, phase)
             shares = getattr(settings, "shares", ())
             _names(f"{key}.{phase}.shares", shares, cfg["situations"]["simulated"])
     _exports(cfg)

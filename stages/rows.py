@@ -5,7 +5,7 @@ Networks with a memory read all steps of all tracks, others single instants: `Mo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -50,9 +50,8 @@ class RowSet(NamedTuple):
     scenes: Mapping[str, str]
 
 
-def write_sets(sets: Iterable[RowSet], title: str) -> None:
+def write_sets(sets: Sequence[RowSet], title: str) -> None:
     """Write all files of some sets beside each other, then the manifests."""
-    sets = list(sets)
     tasks = [(it.out, it.row_format, name, *made) for it in sets for name, made in it.files.items()]
     in_parallel(write_file, tasks, title, "file")
     for it in sets:
@@ -195,8 +194,9 @@ def main(cfg: DictConfig) -> None:
     model, kind = stage_key(cfg), one_of("kind", cfg.kind, {kind: kind for kind in SETS})
     one_of("name", model, cfg.features)
     out = Path(cfg.get("out") or f"data/rows/{model}/{kind}")
+    sets = list(sets_of(cfg, model, kind, out))
     out.mkdir(parents=True, exist_ok=True)  # though there may be no set
-    write_sets(sets_of(cfg, model, kind, out), f"rows of {model}, {kind}")
+    write_sets(sets, f"rows of {model}, {kind}")
 
 
 if __name__ == "__main__":

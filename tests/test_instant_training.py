@@ -9,7 +9,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.datasets.rows import load_rows, select_held_out
+from pedpred.datasets.rows import load_rows
+from pedpred.datasets.splits import select_held_out
 from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol
 from pedpred.models.features import RowFormat
@@ -155,7 +156,7 @@ def test_some_world_is_left_to_train_on(worlds, share, seed):
 )
 def test_real_places_share_their_part_equally(simulated, places, real_share):
     real = [f"real/{k}" for k in range(places)]
-    shares = RealShare(real_share=real_share).mixed(simulated, dict.fromkeys(real, 7))
+    shares = RealShare(real_share=real_share).mix(simulated, dict.fromkeys(real, 7))
     assert sum(shares.values()) == pytest.approx(1.0)
     assert sum(shares[k] for k in real) == pytest.approx(real_share if places else 0.0)
     for key, other in zip(simulated, list(simulated)[1:], strict=False):

@@ -259,7 +259,7 @@ def test_the_command_measures_the_windows_of_the_pipeline():
 
 
 def test_shares_follow_the_root_of_the_sizes():
-    shares = RealShare(real_share=0.6, size_exponent=0.5).mixed(
+    shares = RealShare(real_share=0.6, size_exponent=0.5).mix(
         {"room": 3.0, "square": 1.0}, {"eth": 100, "univ": 10000}
     )
     assert shares == pytest.approx({"room": 0.3, "square": 0.1, "eth": 0.6 / 11, "univ": 6 / 11})

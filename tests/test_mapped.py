@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.datasets.crops import CropSplit, crops_of
-from pedpred.datasets.lanes import SplitSettings, split_sequences
 from pedpred.datasets.rows import load_rows
+from pedpred.datasets.splits import SplitSettings, split_sequences
 from pedpred.errors import NO_ROOM, InputError, ShapeError, ValueRuleError
 from pedpred.features import extract_blocks
 from pedpred.rows.files import (

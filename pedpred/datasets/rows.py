@@ -152,7 +152,7 @@ def load_rows(folders: Mapping[str, Path], embeddings: Mapping[str, Path] | None
                 _add_embeddings(columns, embeddings[name], shard)
         scenes += len(numbers)
         tracks += largest + 1
-    return columns.joined(tuple(folders))
+    return columns.join(tuple(folders))
 
 
 def _common(formats: Mapping[str, RowFormat]) -> RowFormat:
@@ -204,7 +204,7 @@ class _Columns:
         """Append to one column."""
         self.mapped.setdefault(name, MappedRows(name)).append(values)
 
-    def joined(self, sets: tuple[str, ...]) -> TrainingRows:
+    def join(self, sets: tuple[str, ...]) -> TrainingRows:
         """Everything that was added.
 
         Raises:
@@ -225,10 +225,3 @@ def _add_embeddings(columns: _Columns, folder: Path, shard: str) -> None:
     if count != len(columns):
         problem = f"{count} rows so far beside {len(columns)} rows of features"
         raise InputError(folder / f"{shard}.parquet", "embedding", problem, "Encode the features again")
-
-
-def select_held_out(spans: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    """Which spans of a set are kept for validation; at least one stays for training. [S] bool."""
-    chosen = np.zeros(len(spans), bool)
-    chosen[rng.permutation(len(spans))[: min(round(share * len(spans)), len(spans) - 1)]] = True
-    return chosen

@@ -10,7 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pedpred.datasets.rows import TrainingRows, select_held_out
+from pedpred.datasets.rows import TrainingRows
+from pedpred.datasets.splits import select_held_out
 from pedpred.errors import ValueRuleError
 from pedpred.models.contract import ForecastNetwork, Tensors
 from pedpred.settings import In

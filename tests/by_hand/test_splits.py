@@ -11,14 +11,9 @@ import torch
 from pedpred.datasets import crops as crops_module
 from pedpred.datasets import rows as rows_module
 from pedpred.datasets.crops import CropSplit, crops_of
-from pedpred.datasets.lanes import SplitSettings, cut, split_sequences, stream_lanes
-from pedpred.datasets.rows import (
-    Spans,
-    TrainingRows,
-    load_rows,
-    select_held_out,
-    sequences_of,
-)
+from pedpred.datasets.lanes import cut, stream_lanes
+from pedpred.datasets.rows import Spans, TrainingRows, load_rows, sequences_of
+from pedpred.datasets.splits import SplitSettings, select_held_out, split_sequences
 from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol
 from pedpred.models.lstm.features import LstmFeatures

@@ -147,10 +147,10 @@ def test_the_state_of_all_lanes_is_that_of_each_process_in_order(monkeypatch):
 
     monkeypatch.setattr(torch.distributed, "all_gather", gathering)
     second = DistributedContext(torch.device("cpu"), rank=1, size=3)
-    whole = second.gathered({"h": torch.tensor([[11.0], [12.0]])})
+    whole = second.gather_state({"h": torch.tensor([[11.0], [12.0]])})
     assert whole["h"].flatten().tolist() == [1.0, 2.0, 11.0, 12.0, 21.0, 22.0]
-    assert second.mine(whole)["h"].flatten().tolist() == [11.0, 12.0]
-    assert ALONE.gathered(whole) is whole
+    assert second.own_state(whole)["h"].flatten().tolist() == [11.0, 12.0]
+    assert ALONE.gather_state(whole) is whole
     assert [DistributedContext(ALONE.device, rank=rank).writes for rank in (0, 1)] == [True, False]
 
 
