@@ -112,7 +112,7 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
     scenes = {name: sets[name] for name in [*(r.name for r in results), *sets] if name not in missing}
     tables = sorted((root / "reports/curves" / study).rglob("*.tsv"), key=lambda path: path.name)
     curves = {table.stem: curve for table in tables if len(curve := read_curve(table))}  # not of copies
-    autoencoder = read_autoencoder(root / "models/autoencoder")[0]
+    autoencoder = read_autoencoder(root / "models/autoencoder")
     return Evaluated(study, kind, results, scenes, windows, curves, autoencoder, missing)
 
 

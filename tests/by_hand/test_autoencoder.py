@@ -200,7 +200,8 @@ def test_every_crop_is_encoded_also_behind_the_first_batch():
 def test_a_stored_auto_encoder_is_read_with_its_sizes(tmp_path, tied):
     network = GridAutoencoder(12, 5, tied)
     write_checkpoint(tmp_path, network.state_dict(), {"cells": 12, "settings": {"latent": 5}})
-    other, cells = read_autoencoder(tmp_path)
+    other = read_autoencoder(tmp_path)
+    cells = other.encoder.sides[0]
     encoder = load_encoder(tmp_path)
     assert cells == encoder.sides[0] == 12
     assert (other.encoder.fc.out_features, encoder.fc.out_features) == (5, 5)

@@ -77,8 +77,8 @@ class GridAutoencoder(nn.Module):
         return _transposed(hidden, weights["conv1"], self.bias1, cells).squeeze(1)
 
 
-def read_autoencoder(folder: Path) -> tuple[GridAutoencoder, int]:
-    """A pre-trained auto-encoder and the cells per side of its crops.
+def read_autoencoder(folder: Path) -> GridAutoencoder:
+    """A pre-trained auto-encoder.
 
     Raises:
         InputError: a file is missing, damaged or of another network.
@@ -88,10 +88,9 @@ def read_autoencoder(folder: Path) -> tuple[GridAutoencoder, int]:
     with translate_errors(
         partial(InputError, folder / "about.json", "settings", remedy="Train the auto-encoder again")
     ):
-        cells = int(about["cells"])
-        network = GridAutoencoder(cells, about["settings"]["latent"], tied)
+        network = GridAutoencoder(int(about["cells"]), about["settings"]["latent"], tied)
     load_weights(network, weights, folder)
-    return network, cells
+    return network
 
 
 def _weights(encoder: GridEncoder) -> dict[str, Tensor]:

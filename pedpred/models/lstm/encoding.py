@@ -2,40 +2,24 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from pedpred.errors import InputError
-from pedpred.files import translate_errors
-from pedpred.models.lstm.autoencoder import GridEncoder
+from pedpred.models.lstm.autoencoder import GridEncoder, read_autoencoder
 from pedpred.models.lstm.features.grids import unpack_crops
-from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
 EMBEDDED = "grid"
 """The channel that the frozen encoder computes from the crops."""
 
 CROPS_AT_ONCE = 8
 """Their first layer's output, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
-_PREFIX = "encoder."
 
 
 def load_encoder(folder: Path) -> GridEncoder:
-    """The encoder of a pre-trained auto-encoder.
-
-    Raises:
-        InputError: a file is missing, damaged or of another network.
-    """
-    weights, about = read_checkpoint(folder)
-    with translate_errors(
-        partial(InputError, folder / "about.json", "settings", remedy="Train the encoder again")
-    ):
-        encoder = GridEncoder(int(about["cells"]), about["settings"]["latent"])
-    of_encoder = {name.removeprefix(_PREFIX): w for name, w in weights.items() if name.startswith(_PREFIX)}
-    load_weights(encoder, of_encoder, folder)
-    return encoder
+    """The encoder of a pre-trained auto-encoder; errors of `read_autoencoder`."""
+    return read_autoencoder(folder).encoder
 
 
 def float_crops(packed: np.ndarray, cells: int) -> torch.Tensor:
