@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.baselines.registry import BASELINES, baseline
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, score, summarise_methods
 from pedpred.evaluation.compare import compare
 from pedpred.evaluation.scores import integrate_truth
@@ -182,16 +182,16 @@ def test_no_figure_leaves_out_windows_that_a_method_cannot_be_measured_in(field,
     [
         (lambda asked, right: replace(right, frame="agent"), "predictions.frame = 'agent'"),
         (lambda asked, right: replace(right, dt_s=0.4), "theirs.dt_s = 0.4"),
-        (lambda asked, right: right.select(np.arange(1)), r"predictions.point has shape \(1, 10, 2\)"),
-        (lambda asked, right: Predictions.single(right.point[:, :1], 0.3), r"predictions.point has shape"),
-        (lambda asked, right: Predictions.single(right.point[:, :5], 0.3), r"predictions.point has shape"),
+        (lambda asked, right: right.select(np.arange(1)), "predictions.point"),
+        (lambda asked, right: Predictions.single(right.point[:, :1], 0.3), "predictions.point"),
+        (lambda asked, right: Predictions.single(right.point[:, :5], 0.3), "predictions.point"),
     ],
 )
 def test_forecasts_of_something_else_than_was_asked_for_are_refused(answer, named):
     """One step, or one window, would be compared with all of the truth; other frames and instants too."""
     request = walled_request()
     right = Predictions.single(integrate_truth(request.asked, 0.3), 0.3)
-    with pytest.raises((ShapeError, ValueRuleError), match=named):
+    with pytest.raises(ValueRuleError, match=named):
         compare(request, {"theirs": lambda asked: answer(asked, right)}, SETTINGS)
 
 
@@ -199,7 +199,7 @@ def test_forecasts_of_something_else_than_was_asked_for_are_refused(answer, name
 def test_a_metric_that_gives_no_value_per_window_is_refused_by_its_key(shape):
     metric = Metric("odd", "m", "lower", lambda predictions, truth, scene: np.zeros(shape))
     truth = np.zeros((3, 2, 2))
-    with pytest.raises(ShapeError, match=r"metrics.odd_m has shape .*\(3,\), a value per window"):
+    with pytest.raises(ValueRuleError, match=r"metrics\.odd_m"):
         score(Predictions.single(truth, 0.3), truth, np.arange(3), metric_scene(3), {"odd_m": metric})
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pedpred.baselines.social_force import initial_state, intentions
-from pedpred.errors import ShapeError
+from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation import kernel
 from pedpred.simulation.settings import SocialForceSettings
@@ -93,5 +93,5 @@ def test_a_fit_comes_closer_to_what_people_did_and_leaves_the_rest_alone():
 
 def test_a_fit_needs_the_truth_of_every_row_asked():
     start = start_of([-1] * 4)
-    with pytest.raises(ShapeError, match="truth"):
+    with pytest.raises(ValueRuleError, match="truth"):
         fit_forces(start, np.arange(4), np.zeros((3, 10, 2)), SETTINGS, 0.3, most_trials=5)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from pedpred.datasets.crops import CropSplit, crops_of
 from pedpred.datasets.lanes import SplitSettings, split_sequences
 from pedpred.datasets.rows import load_sequences
-from pedpred.errors import NO_ROOM, InputError, ShapeError, ValueRuleError
+from pedpred.errors import NO_ROOM, InputError, ValueRuleError
 from pedpred.features import FeatureTable, extract_blocks
 from pedpred.storage.mapped import MappedRows
 from pedpred.storage.scenes import write_scene
@@ -89,11 +89,11 @@ def test_mapped_rows_are_the_rows_that_were_added(lengths, shape, dtype):
 
 def test_a_block_of_another_width_or_type_is_refused():
     rows = MappedRows("embedding")
-    with pytest.raises(ShapeError):
+    with pytest.raises(ValueRuleError):
         rows.array()
     rows.append(np.zeros((2, 3), np.float32))
     for other in (np.zeros((2, 4), np.float32), np.zeros((2, 3), np.float16)):
-        with pytest.raises(ShapeError, match="embedding"):
+        with pytest.raises(ValueRuleError, match="embedding"):
             rows.append(other)
     assert len(rows.array()) == 2
 

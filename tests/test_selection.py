@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.forecasting import selection
 from pedpred.forecasting.selection import NEAR_M, REACH_M, ROUNDS, choose_modes
 from pedpred.geometry import rotate
@@ -170,7 +170,7 @@ def test_in_a_crowd_of_whatever_density_modes_have_a_bounded_number_of_conflicts
 
 def test_what_does_not_belong_together_is_refused():
     before, here = crowd(np.random.default_rng(3))
-    with pytest.raises(ShapeError, match="position"):
+    with pytest.raises(ValueRuleError, match="position"):
         choose_modes(before, here[:5])
     with pytest.raises(ValueRuleError, match="frame"):
         choose_modes(dataclasses.replace(before, frame="agent"), here)

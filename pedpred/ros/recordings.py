@@ -56,8 +56,8 @@ def check_recordable(scene: Scene, steps: int = 1, cell_m: float | None = None) 
     """Check before a long replay that `write_recording` can write a scene and forecasts of some steps in it.
 
     Raises:
-        ValueRuleError: a time cannot be a ROS stamp, or the side of a cell is not a length.
-        ShapeError: the cells of all steps are too many.
+        ValueRuleError: a time cannot be a ROS stamp, the side of a cell is not a length, or the cells of all
+            steps are too many.
     """
     nanoseconds(scene.trajectories.time_s)
     if cell_m is not None:

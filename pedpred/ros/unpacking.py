@@ -9,7 +9,7 @@ from io import BytesIO
 from lz4.frame import LZ4FrameDecompressor
 from zstandard import ZstdDecompressor
 
-from pedpred.errors import ShapeError
+from pedpred.errors import shape_error
 
 LARGEST_CHUNK_BYTES = 2**27
 """Limit of a chunk or message when unpacked; writers make chunks of some MiB, and the largest map has 64."""
@@ -30,10 +30,10 @@ def unpack(raw: bytes, compression: str) -> bytes:
         compression: lz4, bz2, zstd, or empty.
 
     Raises:
-        ShapeError: they unpack to more than `LARGEST_CHUNK_BYTES`.
+        ValueRuleError: they unpack to more than `LARGEST_CHUNK_BYTES`.
         Exception: they are damaged; see `pedpred.files.translate_errors`.
     """
     plain = _DECOMPRESS[compression](raw, LARGEST_CHUNK_BYTES + 1)
     if len(plain) > LARGEST_CHUNK_BYTES:
-        raise ShapeError("chunk", (len(plain),), f"at most {LARGEST_CHUNK_BYTES} bytes")
+        raise shape_error("chunk", (len(plain),), f"at most {LARGEST_CHUNK_BYTES} bytes")
     return plain

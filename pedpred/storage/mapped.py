@@ -12,7 +12,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from pedpred.errors import ShapeError
+from pedpred.errors import shape_error
 from pedpred.files import SCRATCH
 
 
@@ -45,13 +45,13 @@ class MappedRows:
         They are written to the file, not assigned through a mapping, where a full disk would end the process.
 
         Raises:
-            ShapeError: they are of another width or type than those before.
+            ValueRuleError: they are of another width or type than those before.
             OSError: the disk is full.
         """
         like = self._rows = rows[:0].copy() if self._rows is None else self._rows
         if (rows.shape[1:], rows.dtype) != (like.shape[1:], like.dtype):
             expected = f"{(len(rows), *like.shape[1:])} {like.dtype} as before"
-            raise ShapeError(f"{self._name} ({rows.dtype})", rows.shape, expected)
+            raise shape_error(f"{self._name} ({rows.dtype})", rows.shape, expected)
         data = np.ascontiguousarray(rows).reshape(-1).view(np.uint8).data
         while len(data):
             data = data[self._file.write(data) :]
@@ -66,10 +66,10 @@ class MappedRows:
         """Return all rows that have been added, [M, ...]; the array is valid without this object.
 
         Raises:
-            ShapeError: no block was ever added.
+            ValueRuleError: no block was ever added.
         """
         if self._rows is None:
-            raise ShapeError(self._name, (), "at least one block of rows")
+            raise shape_error(self._name, (), "at least one block of rows")
         shape = (self._count, *self._rows.shape[1:])
         if 0 in shape:  # an empty file cannot be mapped
             return np.zeros(shape, self._rows.dtype)

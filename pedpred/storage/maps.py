@@ -117,8 +117,8 @@ def _read_description(path: Path) -> MapYaml:
     try:
         return load(MapYaml, plain)
     except ValueRuleError as cause:
-        example = f"{cause.field}: {_EXAMPLES[cause.field]}"
-        raise InputError(path, cause.field, str(cause), f"Write a line such as {example}") from cause
+        key = cause.field.partition("[")[0]
+        raise InputError(path, key, str(cause), f"Write a line such as {key}: {_EXAMPLES[key]}") from cause
 
 
 def _plain(value: Any) -> Any:
