@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import functools
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
@@ -23,7 +24,7 @@ from pedpred.datasets.crops import CropSplit
 from pedpred.datasets.rows import EMBEDDED
 from pedpred.driving.trials import NO_WORLD
 from pedpred.driving.worlds import KINDS
-from pedpred.errors import ConfigError
+from pedpred.errors import ConfigError, PedpredError
 from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker
 from pedpred.files import write_text
@@ -444,9 +445,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     argparse.ArgumentParser(usage=usage, description=main.__doc__).parse_args(arguments)
     with config_errors():
         params = read_params(Path())
-        check_parts(plain(params))
-        for check in TABLES:
-            check(plain(params))
+        try:
+            check_parts(plain(params))
+            for check in TABLES:
+                check(plain(params))
+        except PedpredError:
+            if "DVC_EXP_NAME" in os.environ:  # `dvc exp run -S` has written a wrong value into params.yaml
+                config.main([])
+            raise
         config.main(["--check", "--stamp", STAMP])
         write_shared(params, Path())
         write_code()

@@ -303,6 +303,17 @@ def test_an_edit_under_conf_without_make_params_ends_the_stage(tmp_path, monkeyp
     assert not Path(STAMP).exists()
 
 
+def test_a_wrong_value_of_an_experiment_does_not_stay_in_params_yaml(tmp_path, monkeypatch):
+    shutil.copytree(ROOT / "conf", tmp_path / "conf")
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "params.yaml").read_text()
+    Path("params.yaml").write_text(wrong := text.replace("lr: 0.003", "lr: -1.0"))
+    monkeypatch.setenv("DVC_EXP_NAME", "wrong")
+    with pytest.raises(SystemExit, match=r"training\.main\.lr"):
+        main([])
+    assert Path("params.yaml").read_text() == text != wrong
+
+
 def test_a_study_may_be_left_out():
     params = {part: PARAMS[part] for part in PARTS}
     params["folds"] = {study: folds for study, folds in params["folds"].items() if study != "transfer"}
