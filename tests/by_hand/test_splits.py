@@ -215,9 +215,9 @@ def test_splits_are_by_scene_or_track_alone():
 
 @pytest.mark.parametrize("count", [0, 1_000_001, True, 2.0])
 def test_numbers_of_worlds_are_checked(count):
-    SequenceSets({"corridor": 1, "room": 1_000_000})
+    SequenceSets((), {"corridor": 1, "room": 1_000_000})
     with pytest.raises(ValueRuleError, match="worlds"):
-        SequenceSets({"corridor": count})
+        SequenceSets((), {"corridor": count})
     for worlds in ({"arrangement": 1}, 3):
         with pytest.raises(ValueRuleError, match="worlds"):
-            SequenceSets(worlds)
+            SequenceSets((), worlds)
