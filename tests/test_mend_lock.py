@@ -2,15 +2,13 @@
 
 import errno
 import subprocess
-from pathlib import Path
 from unittest.mock import Mock
 
 import pytest
-import yaml
 
 from pedpred.config import KEPT, LOCK, keep_lock
 from tests.conftest import ROOT
-from tools.mend_lock import RUNNING, is_whole, keep_entries, main
+from tools.mend_lock import RUNNING, is_whole, main
 
 WHOLE = """\
 schema: '2.0'
@@ -90,23 +88,6 @@ def test_a_cut_note_of_who_writes_is_forgotten_and_a_whole_one_stays(tmp_path, m
     RUNNING.write_text(note[:-9])
     main()
     assert not RUNNING.exists()
-
-
-def test_entries_of_removed_stages_are_dropped_and_others_stay_byte_by_byte():
-    assert keep_entries(WHOLE, {"config", "features@eth", "new"}) == WHOLE
-    config = WHOLE[: WHOLE.index("  features@eth")]
-    assert keep_entries(WHOLE, {"config"}) == config
-    assert keep_entries(WHOLE, {"features@eth"}) == WHOLE.replace(config[config.index("  config") :], "")
-    assert keep_entries(WHOLE, ()) == "schema: '2.0'\nstages:\n"
-    assert keep_entries("", ()) == ""
-
-
-def test_the_lock_holds_no_stage_that_the_pipeline_lacks(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("dvc.yaml").write_text("stages:\n  features:\n    foreach: [eth]\n    do: {cmd: python}\n")
-    LOCK.write_text(WHOLE)
-    main()
-    assert list(yaml.safe_load(LOCK.read_text())["stages"]) == ["features@eth"]
 
 
 def test_a_folder_that_is_read_only_is_named_without_a_traceback(tmp_path, monkeypatch):
