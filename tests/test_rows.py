@@ -1,7 +1,6 @@
 """Rows of the configuration that tools write: one changes, the others and their comments stay."""
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +8,7 @@ import pytest
 import yaml
 
 from pedpred.errors import ConfigError
-from pedpred.scenes import Trajectories
 from pedpred.storage.scenes import write_scene
-from pedpred.tracking import KalmanSettings
 from tests.configuration import read
 from tests.conftest import ROOT
 from tests.worlds import walled_scene
@@ -35,23 +32,6 @@ def test_a_row_is_replaced_with_its_comment_and_a_new_one_appended(tmp_path):
     assert text.splitlines()[0] == FILE.read_text().splitlines()[0]
 
 
-def test_a_row_without_a_blank_line_to_the_next_is_replaced_alone(tmp_path):
-    path = tmp_path / "rows.yaml"
-    path.write_text("# of all\n\n# of a\na:\n  x: 1\n\n  y: 1\nmine: {x: 2}\n# of b\nb:\n  x: 3\n")
-    write_row(path, "a", "# new\na:\n  x: 4\n\n")
-    assert path.read_text() == "# of all\n\n# new\na:\n  x: 4\nmine: {x: 2}\n# of b\nb:\n  x: 3\n"
-
-
-@pytest.mark.parametrize("before", [None, "", "\n"])
-def test_the_first_row_of_a_file_is_all_of_it(tmp_path, before):
-    path = tmp_path / "new" / "rows.yaml"
-    if before is not None:
-        path.parent.mkdir()
-        path.write_text(before)
-    write_row(path, "a", "# of a\na:\n  x: 1\n")
-    assert path.read_text() == "# of a\na:\n  x: 1\n"
-
-
 def tuned(place, sensor, path, scene=None):
     """The row that is fitted to a scene with detections at 2.5 Hz, as the sensor lets them through."""
     params = {"places": {place: {"sensor": sensor}}, "sensors": {"perfect": {}, "thinned": {"rate_hz": 1.25}}}
@@ -72,17 +52,6 @@ def test_a_tuned_tracker_becomes_a_row_and_has_seen_what_the_sensor_sees(tmp_pat
     assert rows[0] != rows[1]
 
 
-def test_without_noise_a_row_is_written_that_a_tracker_takes(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    time_s = np.arange(20) * 0.4
-    circle = 5.0 + np.stack([np.cos(time_s), np.sin(time_s)], axis=-1)
-    scene = replace(
-        walled_scene(np.random.default_rng(0)), trajectories=Trajectories(time_s, time_s * 0, circle)
-    )
-    row = tuned("hall", "perfect", Path(shutil.copy(FILE, tmp_path)), scene)
-    assert KalmanSettings(**{name: value for name, value in row.items() if name != "kind"})
-
-
 def test_fitted_forces_become_a_row(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = Path(shutil.copy(ROOT / "conf/social_forces/walking.yaml", tmp_path))
@@ -93,16 +62,6 @@ def test_fitted_forces_become_a_row(tmp_path, monkeypatch):
     fit_social_force.main(["hall", "--trials", "2", "--out", str(path)])
     row = yaml.safe_load(path.read_text())["fitted_on_hall"]
     assert set(row["forces"]) == set(fit_social_force.FITTED)
-
-
-@pytest.mark.parametrize("tool", [fit_social_force, tune_tracker])
-def test_a_place_that_has_no_row_is_named(tool, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    shutil.copy(ROOT / "params.yaml", tmp_path)
-    with pytest.raises(
-        SystemExit, match=r"'places\.hall' = None: there is no such key; there are eth, hotel"
-    ):
-        tool.main(["hall", "--out", "rows.yaml"])
 
 
 def test_a_row_that_would_be_its_own_base_is_refused_before_the_search():
