@@ -55,7 +55,7 @@ def test_the_level_that_fits_is_used(noise_m, expected_m):
     assert levels_m(seen_by(OnlinePredictor.load(), *walkers(noise_m))[-1]) == expected_m
 
 
-def test_nothing_is_learned_where_a_tracker_is_ownor_learning_is_off():
+def test_nothing_is_learned_with_a_tracker_of_ones_own():
     for own in (OnlineSettings(tracker=OWN), OnlineSettings(learn_noise=False)):
         assert len(OnlinePredictor.load(None, own).filters.filters) == 1
     assert len(OnlinePredictor.load().filters.filters) == 1 + len(LEVELS)
