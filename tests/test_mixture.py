@@ -83,8 +83,9 @@ def test_without_the_mirror_image_a_network_looks_once():
 
 @pytest.mark.parametrize("wrong", [{"modes": 3}, {"unread": ["state"]}, {"frozen": ["heads"]}])
 def test_settings_that_make_no_sense_are_named(wrong):
-    with pytest.raises(ValueRuleError, match=next(iter(wrong))):
+    with pytest.raises(ValueRuleError) as error:
         parse_settings({"architecture": "mixture"} | wrong)
+    assert error.value.field.endswith(next(iter(wrong)))
 
 
 def test_gradients_reach_every_weight_and_unknown_steps_give_none():
