@@ -5,12 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.errors import PedpredError, ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.frame import Frame
 from pedpred.online.people import People, register_detections
 from pedpred.online.velocities import contradicted
 from pedpred.tracking import KalmanBank, KalmanSettings
+from tests.refused import refused
 
 
 def walked(robot, times, track=1):
@@ -49,9 +50,8 @@ def test_a_bad_frame_is_refused_and_changes_nothing(folder, frame, field):
     robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
     for predictor in (robot, other):
         predictor.update(1.0, [1], [[0.0, 0.0]])
-    with pytest.raises((ShapeError, ValueRuleError)) as error:
+    with refused(field):
         robot.update(*frame)
-    assert error.value.field.startswith(field)
     a, b = (predictor.update(1.3, [1], [[0.4, 0.0]]) for predictor in (robot, other))
     np.testing.assert_array_equal(a.position, b.position)
 
@@ -213,9 +213,8 @@ def test_no_more_people_are_followed_than_the_limit_says(frames, most):
     ],
 )
 def test_settings_are_valid_from_birth(wrong):
-    with pytest.raises(PedpredError) as error:
+    with refused(next(iter(wrong))):
         OnlineSettings(**wrong)
-    assert error.value.field == next(iter(wrong))
 
 
 @pytest.mark.parametrize("said", [[0.0, 0.0], [-1.0, 0.0], [0.0, 1.2]])

@@ -8,12 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.errors import InputError, ShapeError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.evaluation.forecasts import read_windows, write_windows
 from pedpred.geometry import rotate
 from pedpred.metrics import METRICS
 from pedpred.scenes import Predictions
 from tests.forecasts import drawn_predictions, metric_scene, windows_with
+from tests.refused import refused
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -31,9 +32,8 @@ def test_weights_must_fall_and_sum_to_one():
 def test_shapes_that_do_not_belong_together_are_named():
     given_ = drawn_predictions(np.random.default_rng(0))
     for name in ("path", "weight", "covariance"):
-        with pytest.raises(ShapeError) as error:
+        with refused(name):
             dataclasses.replace(given_, **{name: getattr(given_, name)[1:]})
-        assert name in error.value.field
 
 
 @given(SEEDS)

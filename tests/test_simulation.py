@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pedpred.errors import ValueRuleError
 from pedpred.report.simulation_page import walking_findings
 from pedpred.simulation.crowd import Clock, crowd_of
 from pedpred.simulation.ground import ground_of
@@ -16,6 +15,7 @@ from pedpred.simulation.settings import social_force_settings
 from pedpred.simulation.simulator import draw_desired_speeds, draw_visiting_plans, rollout
 from pedpred.simulation.walking import count_walking
 from pedpred.storage.tracks import tracks_table
+from tests.refused import refused
 from tests.simulated import (
     DRAWN,
     EMPTY_ROOM,
@@ -127,9 +127,8 @@ def test_plans_go_to_another_region_far_enough():
     ],
 )  # fmt: skip
 def test_settings_out_of_range_are_named(path, value):
-    with pytest.raises(ValueRuleError) as error:
+    with refused(path):
         social_force_settings(with_field(path, value))
-    assert error.value.field == path
 
 
 @pytest.mark.parametrize("group", SOCIAL_FORCE)
@@ -140,6 +139,5 @@ def test_missing_settings_are_named(group):
         {**SOCIAL_FORCE, group: less},
         {name: values for name, values in SOCIAL_FORCE.items() if name != group},
     ):
-        with pytest.raises(ValueRuleError) as error:
+        with refused(group):
             social_force_settings(settings)
-        assert error.value.field.startswith(group)

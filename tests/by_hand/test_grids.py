@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from pedpred.errors import ValueRuleError
 from pedpred.features.surroundings import Neighbours, Past, Pedestrians, Surroundings
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.lstm.features.grids import _rough_angle, angular_grids, occupancy_crops, unpack_crops
 from pedpred.scenes import OccupancyMap
+from tests.refused import refused
 
 TURNED = np.arctan2(0.8, 0.6)
 """A heading along (0.6, 0.8); left of it is (-0.8, 0.6)."""
@@ -234,5 +234,5 @@ def test_sizes_have_limits_and_crops_fill_bytes():
     ]
     wrong += [("angular_cells", 3601), ("grid_resolution_m", 0.0009), ("grid_resolution_m", 10.1)]
     for name, value in [*wrong, ("max_range_m", 0.0), ("max_range_m", 100.5)]:
-        with pytest.raises(ValueRuleError, match=name):
+        with refused(name):
             LstmFeatures(**{name: value})

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from pedpred.errors import ValueRuleError
 from pedpred.models.mixture.encoders import BeamEncoder, NeighbourEncoder, motion_known, own_motion, own_signs
 from pedpred.models.mixture.mirror import MirroredLinear, mirrored_beams
 from pedpred.models.mixture.network import MixtureSettings
+from tests.refused import refused
 
 HISTORY = [0.0, 0.0, 1.0, -0.1, 0.05, 1.0, -0.25, 0.2, 1.0, -0.3, 0.6, 1.0, 0.3, 0.1, 0.0]
 """(forward, left), m, and whether it is known: five positions, of which the last one is unknown."""
@@ -315,5 +315,5 @@ def test_frozen_encoders_are_not_trained(frozen):
 
 @pytest.mark.parametrize("name", ["modes", "units", "likelihood", "closest", "sharpness", "balance_m"])
 def test_settings_out_of_range_are_named(name):
-    with pytest.raises(ValueRuleError, match=name):
+    with refused(name):
         MixtureSettings(**{name: -2})
