@@ -18,7 +18,7 @@ from pedpred.metrics.calibration import (
 )
 from pedpred.scenes import Predictions
 from pedpred.tracking import KalmanSettings, follow
-from tests.test_tracking import model_walks
+from tests.model_walks import model_walks
 
 TRACKER = KalmanSettings(acceleration_noise=0.02, position_noise_m=0.05)
 

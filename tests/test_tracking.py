@@ -17,6 +17,7 @@ from pedpred.tracking import (
     tune_kalman,
 )
 from pedpred.tracking.tuning import LEAST
+from tests.model_walks import model_walks
 from tests.worlds import walled_scene, wandering
 
 SETTINGS = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)
@@ -89,21 +90,6 @@ def test_tuning_ends_where_there_is_no_noise(speed_mps, turn_radps):
 def test_tuning_needs_somebody_who_is_detected_twice():
     with pytest.raises(ValueRuleError):
         tune_kalman(Trajectories(np.arange(3.0), np.arange(3), np.zeros((3, 2))), 8)
-
-
-def model_walks(rng, q, r, dt_s):
-    """Walks with white-noise acceleration of density q, seen after each `dt_s` [N, T] with deviation r."""
-    tracks, detections = dt_s.shape
-    velocity, position = rng.normal(0, 1, (tracks, 2)), rng.normal(0, 5, (tracks, 2))
-    seen = []
-    for k in range(detections):
-        h = dt_s[:, k : k + 1]
-        a, b = rng.normal(size=(2, tracks, 2))  # a path and a velocity with the covariance Q
-        position = position + h * velocity + np.sqrt(q * h**3) * (a / 2 + b / np.sqrt(12))
-        velocity = velocity + np.sqrt(q * h) * a
-        seen.append(position + rng.normal(0, r, position.shape))
-    track_id = np.repeat(np.arange(tracks), detections)
-    return Trajectories(np.cumsum(dt_s, axis=1).ravel(), track_id, np.stack(seen, axis=1).reshape(-1, 2))
 
 
 def irregular(rng):

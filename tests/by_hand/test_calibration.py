@@ -20,7 +20,7 @@ from pedpred.metrics.calibration import (
     sunflower,
 )
 from pedpred.scenes import Predictions
-from tests.by_hand.test_metrics import PATHS, SEEN, SHARES, SIGMAS, covariances, modes_of, scene_of
+from tests.by_hand.modes import PATHS, SEEN, SHARES, SIGMAS, covariances, modes_of, scene_of
 
 
 def test_mahalanobis_distance_and_log_density():

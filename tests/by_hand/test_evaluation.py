@@ -20,9 +20,9 @@ from pedpred.evaluation.summary import (
     summarise_methods,
     summarise_test_set,
 )
-from pedpred.features import FeatureTable
 from pedpred.metrics import Metric
 from pedpred.scenes import Predictions
+from tests.by_hand.tables import table_of
 from tests.forecasts import metric_scene
 from tests.worlds import empty_map
 
@@ -38,15 +38,6 @@ def scores_of(values_m=ADE_M, track=TRACK, **given):
     rows = len(track)
     usual = {"error_m": ERROR_M[:rows], "inside": INSIDE[:rows], "nll": NLL[:rows]}
     return Scores(track, {"ade_m": values_m[:rows]}, **usual | given)
-
-
-def table_of(rows, steps, **given):
-    """A feature table with the given columns, and zeros in the others."""
-    usual = {name: np.zeros(rows) for name in ("track_id", "phase", "step", "time_s", "heading_rad")}
-    pairs = ("position", "velocity", "last_position", "last_velocity", "last_acceleration")
-    usual |= {name: np.zeros((rows, 2)) for name in pairs}
-    usual |= {"future": np.zeros((rows, steps, 2), np.float32), "future_steps": np.zeros(rows, np.int8)}
-    return FeatureTable(**usual | {name: np.asarray(values) for name, values in given.items()})
 
 
 @pytest.mark.parametrize("dt_s", [0.3, 0.4])

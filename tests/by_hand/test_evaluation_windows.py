@@ -21,7 +21,7 @@ from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import write_scene
 from pedpred.tracking import KalmanBank, KalmanSettings
-from tests.by_hand.test_evaluation import table_of
+from tests.by_hand.tables import table_of
 from tests.forecasts import drawn_predictions, windows_with
 from tests.simulated import SETTINGS as WALKING
 from tests.worlds import empty_map

@@ -24,7 +24,7 @@ from pedpred.training.distributed import (
 from pedpred.training.fit import average_weights, fit, initialise, load_rows, write_curve
 from pedpred.training.loop import Learner
 from pedpred.training.schedule import FitSettings
-from tests.by_hand.test_learners import FIT, STEPS, data_of
+from tests.by_hand.rows import FIT, STEPS, data_of
 from tests.exported import NETWORK, lstm, write_autoencoder, write_network
 from tests.refused import refused
 
