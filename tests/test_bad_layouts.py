@@ -109,7 +109,7 @@ def test_what_is_admitted_is_reached_by_routes(width_m):
     assert area_m2 == 0.0 or area_m2 == pytest.approx(3.85 * 6.0, rel=0.15)  # but for corners
 
 
-def test_polygons_may_have_edges_along_one_line_and_inner_corners():
+def test_polygons_may_have_inner_corners():
     comb = [[0, 0], [5, 0], [5, 3], [4, 3], [4, 1], [3, 1], [3, 3], [2, 3], [2, 1], [1, 1], [1, 3], [0, 3]]
     covered = Polygon(comb).covers(np.array([[0.5, 2.0], [1.5, 2.0], [2.5, 2.0]]))
     assert covered.tolist() == [True, False, True]

@@ -87,7 +87,7 @@ def test_one_mode_written_as_several_has_the_same_regions():
     assert np.abs(share_inside(four, truth) - share_inside(one, truth)).mean() < 0.05
 
 
-def test_the_trackers_own_covariance_holds_in_the_trackers_own_world():
+def test_covariances_of_the_tracker_hold_in_its_own_model():
     rng, dt_s, known, ahead = np.random.default_rng(1), 0.4, 6, 5
     q, r = TRACKER.acceleration_noise, TRACKER.position_noise_m
     walks = model_walks(rng, q, r, np.full((4000, known + ahead), dt_s))

@@ -52,7 +52,7 @@ def test_a_figure_is_judged_by_its_earlier_interval(ade_m):
     assert set(found.values()) == {"same"}
 
 
-def test_a_paired_difference_is_judged_by_its_own_narrow_interval():
+def test_a_paired_difference_is_judged_by_its_own_interval():
     found = verdicts(changed(ade_m=0.53, ade_m_minus_reference=-0.07))
     assert found["hall", "lstm", "ade_m"] == "within"
     assert found["hall", "lstm", "ade_m_minus_reference"] == "worse"

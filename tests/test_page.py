@@ -273,18 +273,6 @@ def test_the_player_plays_scrubs_and_changes_scene(visit_at):
     assert visit.problems == []
 
 
-def test_a_replay_keeps_its_stretch(visit, hall):
-    found = replay(*hall, stretch(0.9), METHODS)
-    assert found.header["duration_s"] == 0.9
-    assert visit.decoded("replay.frames.map((frame) => frame.time)", found) == pytest.approx(
-        [0, 0.3, 0.6, 0.9]
-    )
-    times = np.array(visit.decoded("replay.seen.time", found))
-    assert (times.min(), times.max()) == (0, pytest.approx(0.9 + 3.0))
-    shown = np.array(visit.decoded("replay.map", found)).reshape(200, 200)
-    np.testing.assert_array_equal(shown, hall[0].occupancy.occupied.T)
-
-
 def test_a_forecast_is_shown_until_the_next_one(visit, hall):
     """Also where forecasts are rarer than detections."""
     scene, windows = hall
@@ -326,14 +314,6 @@ def test_the_player_draws_likely_modes_by_their_weight(visit_at, hall):
         return found; }"""
     widths = np.round(visit.page.evaluate(drawn), 3).tolist()
     assert [widths.count(round(1 + 7 * weight, 3)) for weight in (0.7, 0.3)] == [5, 5]
-
-
-@pytest.mark.parametrize("given", [{"modes": 1}, {"least_weight": 0.5}])
-def test_modes_that_are_left_out_are_not_drawn(visit, hall, given):
-    fewer = replay(*hall, dataclasses.replace(KEPT, **given), METHODS)
-    assert len(fewer.data) < len(replay(*hall, KEPT, METHODS).data)
-    (one,) = visit.decoded("replay.modesOf('kalman_cv', 3)", fewer)
-    assert one["weight"] == pytest.approx(0.7)
 
 
 def test_the_player_shows_the_inputs_of_the_network(visit, hall):
