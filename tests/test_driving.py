@@ -234,7 +234,7 @@ def test_without_detections_a_robot_arrives(predictor, method):
     assert driven(predictor, method, episode_to((0.0, 0.0), CROSSING), blind).reached
 
 
-def test_who_comes_back_after_the_longest_gap_of_a_track_is_no_new_person(predictor):
+def test_a_track_lasts_up_to_its_longest_gap(predictor):
     """Whatever the last digit of the clock says; after one more instant it is somebody new, who stands."""
     lost = round(predictor.protocol.lost_after_s / DT_S)
     for first in range(1, 60):
@@ -282,7 +282,7 @@ def test_walls_and_people_hide_who_is_behind_them():
 
 @given(seed=st.integers(0, 10_000), cell_m=st.sampled_from([0.01, 0.02, 0.05, 0.1]))
 @settings(max_examples=40, deadline=None)
-def test_a_wall_one_cell_thick_hides_whatever_the_size_of_its_cells(seed, cell_m):
+def test_a_wall_one_cell_thick_hides_who_is_behind_it(seed, cell_m):
     """Also where its cells touch by corners alone; but nobody before it, or who leans on it."""
     rng = np.random.default_rng(seed)
     cells, corner = round(8.0 / cell_m), np.full(2, -4.0) + rng.uniform(0.0, cell_m, 2)

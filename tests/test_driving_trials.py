@@ -53,7 +53,7 @@ def rows():
     return drive_block(SETTINGS, "corridor", range(2))
 
 
-def test_a_table_does_not_depend_on_how_its_episodes_are_dealt_out(rows, tmp_path):
+def test_a_table_does_not_depend_on_how_episodes_are_divided(rows, tmp_path):
     """Nor on what else is driven: here with one of the risks alone."""
     few = replace(SETTINGS, risks=SETTINGS.risks[1:])
     dealt = drive_block(few, "corridor", [1])[::-1]
@@ -90,7 +90,7 @@ def test_a_page_shows_curves_figures_and_episodes(rows, tmp_path):
     assert np.hypot(*np.diff(robot, axis=0).T).max() < 0.15  # m within 0.1 s
 
 
-def test_the_stage_at_the_smallest_scale_writes_table_and_figures(tmp_path, monkeypatch):
+def test_the_stage_writes_a_table_and_figures(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PEDPRED_JOBS", "1")
     for name in ("simulation_mixture", "simulation"):
@@ -148,7 +148,7 @@ def test_intervals_of_shares_are_those_of_wilson(cases, data):
     np.testing.assert_allclose(share_interval(happened.astype(float)), expected, atol=1e-6)
 
 
-def test_few_episodes_without_a_collision_do_not_say_that_there_is_never_one():
+def test_intervals_of_few_episodes_without_a_collision_are_wide():
     """Neither the share of a method, nor the difference of two."""
     none = {"modes": [0] * 14, "kalman": [0] * 14}
     times = {limit: {"modes": [t] * 14, "kalman": [t + 0.5] * 14} for limit, t in ((0.1, 8.0), (0.3, 7.0))}
@@ -163,7 +163,7 @@ def test_few_episodes_without_a_collision_do_not_say_that_there_is_never_one():
     assert -low == high > 0.15
 
 
-def test_shown_are_the_episodes_in_which_most_and_least_is_avoided():
+def test_episodes_are_shown_where_most_and_least_is_avoided():
     faults = {"modes": [0, 0, 1, 0, 0], "kalman": [0, 1, 0, 0, 0]}
     times_s = {"modes": [8.0, 9.0, 7.0, 8.5, 7.0], "kalman": [8.0] * 5}
     both = made_rows(faults, times_s), made_rows(faults, times_s)[::-1]

@@ -92,7 +92,7 @@ def test_each_detection_takes_little_memory(mixture):
 
 
 @given(st.integers(1, 50), st.integers(0, 99), st.floats(0.05, 3.0))
-def test_who_is_present_does_not_depend_on_how_many_are_looked_at_together(most, seed, max_age_s):
+def test_who_is_present_does_not_depend_on_the_size_of_blocks(most, seed, max_age_s):
     rng = np.random.default_rng(seed)
     track_id, time_s = np.sort(rng.integers(0, 4, 30)), np.zeros(30)
     for track in range(4):

@@ -46,7 +46,7 @@ def test_the_predictor_and_planners_get_its_steps(far):
     np.testing.assert_allclose(forecast.predictions.weight.sum(axis=1), 1.0)
 
 
-def test_forecasts_as_a_table_have_its_steps_and_are_measured_there(far, walks, tmp_path):
+def test_forecasts_in_a_table_have_its_steps(far, walks, tmp_path):
     out = tmp_path / "forecasts.csv"
     main(["predict", str(walks), "--rate", "25", "--model", str(far), "-o", str(out)])
     table = pd.read_csv(out)
@@ -70,7 +70,7 @@ def straight_on(walks, out):
     pd.DataFrame(rows, columns=columns).to_csv(out, index=False)
 
 
-def test_the_protocol_of_the_literature_measures_files_models_and_others(far, walks, tmp_path, capsys):
+def test_the_literature_protocol_measures_models_and_files(far, walks, tmp_path, capsys):
     straight_on(walks, tmp_path / "theirs.csv")
     figures = tmp_path / "e.json"
     own = ["evaluate", str(walks), "--rate", "25", "--protocol", "eth-ucy", "--json", str(figures)]

@@ -100,7 +100,7 @@ def test_no_input_depends_on_a_later_detection(name, seed, now):
 
 
 @pytest.mark.parametrize("place", [EXCERPT, "eth", "hotel"])
-def test_no_input_depends_on_a_later_annotation_of_the_real_recordings(place):
+def test_no_input_depends_on_a_later_real_annotation(place):
     scene = minute_of(place)
     source = SOURCES["annotations"]
     before = table_of(scene, source)
@@ -129,7 +129,7 @@ def minute_of(place):
 
 @settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.floats(-np.pi, np.pi))
-def test_velocities_targets_and_neighbours_do_not_see_the_world_frame(seed, turn):
+def test_features_do_not_depend_on_the_world_frame(seed, turn):
     rng = np.random.default_rng(seed)
     scene = walled_scene(rng)
     shift = rng.uniform(-50, 50, 2)
@@ -218,7 +218,7 @@ def test_apg_equals_its_definition(seed, cells, largest_turn):
     np.testing.assert_array_equal(apg(here, heading, crowd, cells), expected)
 
 
-def test_a_track_of_one_detection_and_an_empty_recording_have_an_answer():
+def test_one_detection_and_an_empty_recording_have_features():
     lonely = Trajectories(np.array([1.0]), np.array([7]), np.array([[50.0, 50.0]]))  # and outside the map
     table = table_of(Scene("one", lonely, empty_map(), 0.4), SOURCES["annotations"])
     assert len(table) == 1
@@ -280,7 +280,7 @@ def observe_frame(frame, occupancy):
     return FEATURES.compute(benchmark.standing(frame, occupancy), 0.3)
 
 
-def test_frames_of_nobody_of_one_and_outside_the_map_have_an_answer():
+def test_frames_of_nobody_and_outside_the_map_have_features():
     full = OccupancyMap(np.ones((30, 30), bool), np.zeros(2), 0.1)
     nobody = observe_frame(pedestrians(), full)
     assert [values.shape for values in nobody.values()] == [(0, 2), (0, 450), (0, 72)]

@@ -42,7 +42,7 @@ def changed(**values) -> SocialForceSettings:
     return SocialForceSettings(FORCES._replace(**values), SETTINGS.routing, SETTINGS.crowd, SETTINGS.clock)
 
 
-def test_a_fit_comes_closer_to_what_people_did_and_leaves_the_rest_alone():
+def test_a_fit_comes_closer_to_what_people_did():
     start = start_of([7, 7, 2, 2])
     truth = start.paths(changed(pedestrian_strength=6.0, relaxation_time_s=0.9), 10, 0.3)
     fit = fit_forces(start, np.arange(4), truth, SETTINGS, 0.3, most_trials=60)

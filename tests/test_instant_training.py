@@ -56,7 +56,7 @@ def learner(folders, how=QUICK, **context):
     return InstantLearner(network, load_instants(folders), how, here)
 
 
-def test_rows_are_those_on_disk_and_sets_must_have_the_same_sizes(folders, tmp_path):
+def test_rows_are_those_on_disk_and_sets_have_equal_sizes(folders, tmp_path):
     data = load_instants(folders)
     assert len(data.future) == 120
     assert data.by_set["b"].tolist()[0] == [80, 90]

@@ -80,7 +80,7 @@ def test_a_door_opens_its_width_and_leaves_the_rest_of_the_wall(angle_deg, at_m,
     np.testing.assert_array_equal(opened[~undecided], expected[~undecided])
 
 
-def test_the_world_origin_is_the_lower_left_corner_of_the_free_room():
+def test_the_world_origin_is_the_lower_left_free_corner():
     occupancy = Layout((10.0, 8.0)).occupancy()
     assert not occupancy.is_occupied([[0.05, 0.05], [9.95, 7.95]]).any()
     assert occupancy.is_occupied([[-0.05, 0.05], [10.05, 4.0], [5.0, 8.05]]).all()

@@ -65,7 +65,7 @@ def test_loading_forgets_the_people_and_keeps_the_map(mixture, visited, tmp_path
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "hall.json").read_bytes()
 
 
-def test_a_robot_that_trusts_the_network_alone_takes_regions_only(mixture, visited, tmp_path):
+def test_without_trust_a_robot_takes_regions_only(mixture, visited, tmp_path):
     visited.save_place(tmp_path / "hall.json")
     alone = OnlinePredictor.load(mixture[0], OnlineSettings(learn_trust=False))
     alone.load_place(tmp_path / "hall.json")

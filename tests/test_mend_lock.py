@@ -55,7 +55,7 @@ def test_a_stage_keeps_the_lock_that_it_finds(tmp_path):
     assert (tmp_path / KEPT).read_text() == WHOLE
 
 
-def test_a_cut_note_of_who_writes_is_forgotten_and_a_whole_one_stays(tmp_path, monkeypatch):
+def test_a_cut_note_of_who_writes_is_forgotten(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     RUNNING.parent.mkdir(parents=True)
     note = '{"write": {"data": {"pid": 7, "cmd": "dvc repro"}}, "read": {}}'

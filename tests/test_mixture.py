@@ -51,7 +51,7 @@ def test_what_is_left_unread_changes_nothing(unread):
         assert torch.equal(one, other) == same
 
 
-def test_velocities_of_neighbours_that_are_unread_change_nothing_and_their_places_do():
+def test_unread_velocities_of_neighbours_change_nothing():
     torch.manual_seed(0)
     about = {"architecture": "mixture", "units": 32, "unread": ["neighbour_velocities"]}
     network = parse_settings(about).build(WIDTHS, 10)
@@ -87,7 +87,7 @@ def test_settings_that_make_no_sense_are_named(wrong):
         parse_settings({"architecture": "mixture"} | wrong)
 
 
-def test_gradients_reach_every_weight_and_unknown_steps_give_none():
+def test_gradients_reach_every_weight_from_known_steps_only():
     torch.manual_seed(0)
     network = parse_settings({"architecture": "mixture", "units": 32}).build(WIDTHS, 10)
     torch.nn.init.normal_(network.heads["velocities"].weight, std=0.1)

@@ -112,7 +112,7 @@ def test_who_stands_teaches_nothing():
     np.testing.assert_array_equal(weights[-1], BANK.unlearned(6))
 
 
-def test_exact_detections_are_followed_closer_and_noisy_ones_smoothed_more():
+def test_noisy_detections_are_smoothed_more_than_exact_ones():
     for noise_m in (0.0, 0.1):
         time_s, truth = walkers(0.0, seconds=60.0, people=12)
         position = walkers(noise_m, seconds=60.0, people=12)[1]

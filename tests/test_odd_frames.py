@@ -108,7 +108,7 @@ def test_no_clock_that_goes_back_silences_a_stream(mixture, away_s, rate_hz, is_
 
 @settings(max_examples=20, deadline=None)
 @given(lag_s=st.floats(0.01, 0.48), rate_hz=RATES_HZ, phase=st.floats(0.0, 1.0))
-def test_people_of_a_late_sensor_are_forecast_beside_those_of_another(mixture, lag_s, rate_hz, phase):
+def test_people_of_a_late_sensor_are_forecast(mixture, lag_s, rate_hz, phase):
     robot = OnlinePredictor.load(mixture[0])
     for k in range(30):
         now = k / rate_hz
@@ -167,7 +167,7 @@ def placed(ids):
     return ids, [[10.0 * name, 0.1 * name] for name in ids]
 
 
-def test_of_too_many_people_those_who_came_first_are_forecast_as_if_alone(folder):
+def test_of_too_many_people_the_first_are_forecast_as_if_alone(folder):
     robot, other = OnlinePredictor.load(folder, OnlineSettings(most_people=3)), OnlinePredictor.load(folder)
     for k in range(12):
         crowd = [5, 7, *range(-9, 0)] if k > 2 else [5, 7]

@@ -175,7 +175,7 @@ def test_an_export_is_the_same_bytes_each_time_and_names_no_path(model, tmp_path
 
 
 @pytest.mark.parametrize("of", ["model", "mixture"])
-def test_half_precision_takes_half_the_space_and_forecasts_the_same(request, of, tmp_path):
+def test_half_precision_forecasts_the_same_in_half_the_space(request, of, tmp_path):
     """Along a walk, so that errors could build up in the memory; the same bytes each time."""
     whole = request.getfixturevalue(of)[0]
     for name in ("half", "again"):

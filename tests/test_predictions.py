@@ -59,7 +59,7 @@ def test_samples_have_the_moments_of_the_mixture():
 
 
 @given(SEEDS, st.floats(-4.0, 4.0))
-def test_turning_and_moving_the_people_turns_and_moves_their_predictions(seed, angle):
+def test_predictions_turn_and_move_with_the_people(seed, angle):
     rng = np.random.default_rng(seed)
     local, position = drawn_predictions(rng, frame="agent"), rng.normal(size=(5, 2))
     heading, turn = rng.uniform(-3, 3, 5), np.full(5, angle)

@@ -106,7 +106,7 @@ def test_people_who_leave_teach_nothing_in_the_end():
 
 @settings(deadline=None)
 @given(people=st.integers(1, 5), later_s=st.floats(0.002, 5.0))
-def test_nobody_knows_where_people_are_after_their_last_detection(people, later_s):
+def test_positions_after_the_last_detection_are_unknown(people, later_s):
     track_id, time_s = np.repeat(np.arange(people), 8), np.tile(np.arange(8) * 0.4, people)
     known = Detections(time_s, track_id, np.ones((len(time_s), 2)))
     asked = np.arange(people)
@@ -178,7 +178,7 @@ def test_declared_noise_is_not_in_the_regions(every_s):
     assert (shares_of_truth(without, truth) > shares_of_truth(after, truth)).all()
 
 
-def test_regions_of_people_who_stand_hold_them_where_noise_is_declared():
+def test_regions_hold_standing_people_where_noise_is_declared():
     """The shipped network: its modes lie about as far apart as the tracker errs."""
     rng, robot = np.random.default_rng(5), OnlinePredictor.load(None, OnlineSettings(detection_noise_m=0.05))
     place = np.stack(np.meshgrid(4.0 * np.arange(4), 4.0 * np.arange(2)), axis=-1).reshape(-1, 2)

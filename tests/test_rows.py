@@ -18,7 +18,7 @@ from tools.rows import write_row
 FILE = ROOT / "conf/trackers/kalman.yaml"
 
 
-def test_a_row_is_replaced_with_its_comment_and_a_new_one_appended(tmp_path):
+def test_a_row_is_replaced_with_its_comment(tmp_path):
     path = Path(shutil.copy(FILE, tmp_path))
     write_row(path, "tuned_on_eth", "# again\ntuned_on_eth:\n  kind: truth\n")
     write_row(path, "tuned_on_zara", "tuned_on_zara:\n  kind: kalman\n")
@@ -42,7 +42,7 @@ def tuned(place, sensor, path, scene=None):
     return yaml.safe_load(path.read_text())[f"tuned_on_{place}"]
 
 
-def test_a_tuned_tracker_becomes_a_row_and_has_seen_what_the_sensor_sees(tmp_path, monkeypatch):
+def test_a_tuned_tracker_becomes_a_row(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = Path(shutil.copy(FILE, tmp_path))
     rows = [tuned("hall", sensor, path) for sensor in ("perfect", "thinned")]
@@ -64,7 +64,7 @@ def test_fitted_forces_become_a_row(tmp_path, monkeypatch):
     assert set(row["forces"]) == set(fit_social_force.FITTED)
 
 
-def test_a_row_that_would_be_its_own_base_is_refused_before_the_search():
+def test_a_row_that_would_be_its_own_base_is_refused():
     rows = {"a": {"x": 1, "y": 1}, "fitted_on_eth": {"base": "a", "y": 2}, "c": {"base": "fitted_on_eth"}}
     assert fit_social_force.base_of("hotel", "c", rows) == {"x": 1, "y": 2}
     assert fit_social_force.base_of("eth", "a", rows) == {"x": 1, "y": 1}

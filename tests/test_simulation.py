@@ -59,7 +59,7 @@ def test_people_in_random_rooms_walk_as_people_do():
     assert [finding for finding in walking_findings(found.shares()) if finding.verdict != "met"] == []
 
 
-def test_the_same_seed_gives_the_same_walk_and_another_seed_another():
+def test_the_same_seed_gives_the_same_walk():
     first, again, other = (scene_of(short(6.0, seed=seed)[0]) for seed in (7, 7, 8))
     assert tables_equal(first, again)
     assert not tables_equal(first, other)
@@ -90,7 +90,7 @@ def test_the_spread_of_a_path_does_not_depend_on_the_step(step_s):
     assert np.std(ends, axis=0)[1] == pytest.approx(0.0453, rel=0.1)
 
 
-def test_a_target_in_an_enclosed_corner_is_moved_to_where_people_can_walk():
+def test_a_target_in_an_enclosed_corner_is_moved():
     occupancy = EMPTY_ROOM.occupancy()
     occupied = occupancy.occupied.copy()
     occupied[30:38, 30:38] = True

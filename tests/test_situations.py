@@ -108,7 +108,7 @@ def test_rows_do_not_depend_on_how_the_world_is_turned():
 
 
 @pytest.mark.parametrize("kind", ["corridor", "bottleneck", "room", "square", "lone"])
-def test_a_world_gives_the_rows_that_are_asked_for_and_the_same_ones_again(kind):
+def test_a_world_gives_the_rows_that_are_asked_for(kind):
     chosen = replace(CORRIDOR, kind=kind)
     rows = collect_world_rows(1, chosen, WORLDS, SENSING, RECIPE)
     widths = {name: values.shape[1] for name, values in rows.items() if name != "future"}

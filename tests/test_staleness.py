@@ -69,7 +69,7 @@ def test_a_network_costs_its_own_trainings_and_evaluations(graph, group):
             assert own.partition("@")[2].partition("-")[0] == name
 
 
-def test_forces_fitted_to_real_people_change_no_simulation_and_no_training(graph):
+def test_forces_fitted_to_real_people_change_no_training(graph):
     params = read_params(ROOT)
     fitted = set(params.social_forces) - {row.social_force for row in params.simulations.values()}
     assert fitted
@@ -89,7 +89,7 @@ def test_forces_fitted_to_real_people_change_no_simulation_and_no_training(graph
         ("./pedpred/report/tables.py", ["pedpred/report/tables.py"]),
     ],
 )
-def test_a_change_of_the_whole_makes_stale_what_a_change_of_a_part_does(graph, whole, parts):
+def test_a_change_of_the_whole_includes_that_of_a_part(graph, whole, parts):
     assert set().union(*(stale(graph, part) for part in parts)) <= stale(graph, whole)
 
 

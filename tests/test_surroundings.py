@@ -75,7 +75,7 @@ def test_the_nearest_are_found_in_the_order_of_their_distance(seed, count, range
 @given(
     st.integers(0, 10_000), st.sampled_from([0.05, 0.1, 0.25]), st.booleans(), st.sampled_from([0.06, 0.5])
 )
-def test_beams_end_where_small_steps_meet_an_obstacle_after_free_ground(seed, resolution_m, outside, share):
+def test_beams_end_where_small_steps_meet_an_obstacle(seed, resolution_m, outside, share):
     rng = np.random.default_rng(seed)
     ground = OccupancyMap(rng.random((24, 31)) < share, rng.normal(size=2), resolution_m)
     position = (

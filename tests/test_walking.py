@@ -47,7 +47,7 @@ def test_a_target_reached_too_late_counts():
     assert (found.targets, found.reached) == (1, 0)
 
 
-def test_standing_behind_somebody_is_a_queue_and_standing_alone_is_not():
+def test_standing_behind_somebody_is_a_queue():
     goals = [[[11.0, 4.0]] * 8] * 2
     front, behind = line((5.0, 4.0), (0.0, 0.0), 8), line((4.4, 4.0), (0.0, 0.0), 8)
     found = count_walking([walked([front, behind], goals)], SETTINGS)

@@ -44,7 +44,7 @@ def without(scene, gone):
 
 
 @pytest.mark.parametrize("of_each", ["frame", "detection"])
-def test_jittered_detections_keep_as_many_windows_in_the_pipeline_and_in_the_command(model, of_each):
+def test_jittered_detections_keep_their_windows(model, of_each):
     folder, network, encoder = model
     on_clock = walked(0.3)
     rare = walked(1 / 2.4)
