@@ -85,13 +85,6 @@ def test_unknown_or_missing_devices_are_refused():
             assert here == ALONE
 
 
-@pytest.mark.parametrize("units", [{}, {"avx512_f": True, "amx_bf16": False}, {"amx_bf16": True}])
-def test_autocast_follows_the_units_of_the_processor(monkeypatch, units):
-    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: units, raising=False)
-    with distributed_context("cpu", "auto") as here:
-        assert here.autocast is units.get("amx_bf16", False)
-
-
 def test_bfloat16_products_change_a_loss_by_rounding_only(narrow_lstm):
     rng = np.random.default_rng(0)
     network, data = SMALL.build(WIDTHS, 4), toy_data(rng)

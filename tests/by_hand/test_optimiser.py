@@ -228,12 +228,6 @@ def test_the_weights_of_the_lowest_figure_are_put_back(figures, best):
     assert learner.weights == pytest.approx(weights_after(best), abs=1e-5)
 
 
-def test_without_such_a_figure_the_last_weights_stay():
-    learner = Slopes((1.0, 2.0, 3.0, 4.0))
-    train(learner, None, "toy")
-    assert learner.weights == pytest.approx(weights_after(7), abs=1e-5)
-
-
 def test_the_lowest_figure_of_nothing_is_infinite():
     progress = Progress()
     assert progress.lowest("a") == math.inf

@@ -216,13 +216,6 @@ EAST = (6.0, -1.0, 0.0)
 """The way left is 6 - x."""
 
 
-def test_the_quickest_manoeuvre_is_chosen():
-    assert first_command(STILL, way=course(to_go=EAST)) == [1.1, 0.0]
-    turn = first_command(STILL, way=course(to_go=(6.0, 0.0, -1.0)))
-    assert turn[1] == pytest.approx(1.7)
-    assert first_command(STILL, way=course(to_go=(6.0, 0.0, 1.0)))[1] == pytest.approx(-1.7)
-
-
 def test_each_other_term_alone_changes_the_choice():
     """Straight on is quickest; walls, people or the change of the command may cost more than that."""
     way = course(to_go=EAST)
@@ -266,13 +259,6 @@ def test_a_manoeuvre_ends_with_the_time_to_brake_and_a_step(dt_s, horizon_s, fir
     assert {len(one) - int(np.argmax(one[::-1])) for one in used if one.any()} == {first, hold}
     turns = np.unique(np.nonzero(np.diff(planner.seen[0][:, :hold], axis=1).any(axis=2))[1])
     assert turns.tolist() == [first - 1] * (first < hold)
-
-
-def test_whole_steps_of_braking_are_not_rounded_up():
-    """0.6 s / 0.1 s is a little more than 6 in floating point; 30 - 6 - 1."""
-    planner = Watched(Robot(speed_mps=1.2, braking_mps2=2.0), course(), PlannerSettings())
-    planner.command(placed(AHEAD), forecast_of(), 0.0)
-    assert np.flatnonzero(planner.seen[0].any(axis=(0, 2)))[-1] == 22
 
 
 @pytest.mark.parametrize(("speed_mps", "fits"), [(1.28, True), (1.29, False)])

@@ -143,13 +143,6 @@ def test_neighbours_are_known_after_their_last_detection():
     assert rows["age"].tolist() == [0, 1, 2, 0]
 
 
-def test_no_detection_is_taken_twice_and_any_may_be_left_out():
-    taken = [found_rows(most=2, seed=seed)[0] for seed in range(30)]
-    pairs = [tuple(zip(rows["who"].tolist(), rows["time_s"].tolist(), strict=True)) for rows in taken]
-    assert all(len(set(pair)) == 2 and list(pair) == sorted(pair) for pair in pairs)
-    assert len(set(pairs)) == 6
-
-
 def test_newborn_have_at_least_their_share():
     """One of five is newborn, and half of the rows are to be: 0.5 / 1 for it and 0.5 / 4 for others."""
     newborn = np.array([False, True, False, False, False])
