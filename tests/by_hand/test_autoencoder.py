@@ -17,7 +17,6 @@ from pedpred.models.lstm.autoencoder import (
 from pedpred.models.lstm.encoding import encode, encode_once, load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training import AutoencoderLearner, AutoencoderSettings
-from tests.refused import refused
 
 CONVOLUTIONS = (("conv1", 0), ("conv2", 1), ("conv3", 1))
 """Kernels of 5, 3 and 3 cells; names and paddings."""
@@ -276,11 +275,3 @@ def test_weights_of_pre_training_follow_the_seed_and_ties():
     assert learner().memory == {}
     assert not len(learner().network.decoder)
     assert len(learner(tied=False).network.decoder) == 4
-
-
-def test_pre_training_settings_have_limits():
-    for fine in ({"latent": 1}, {"latent": 100000}, {"batch": 1}, {"batch": 1000000}, {"clip_norm": 1e6}):
-        AutoencoderSettings(**vars(SETTINGS) | fine)
-    for wrong in ({"latent": 0}, {"latent": 100001}, {"batch": 0}, {"clip_norm": 0.0}, {"steps": 0}):
-        with refused(next(iter(wrong))):
-            AutoencoderSettings(**vars(SETTINGS) | wrong)

@@ -326,22 +326,3 @@ def test_nothing_is_augmented_by_default():
     assert not found.noise_mps.any()
     for rows in (found.crowd, found.scenery):
         np.testing.assert_array_equal(rows, LANES)
-
-
-@pytest.mark.parametrize("share", ["map_swap", "standing_share", "neighbour_dropout", "map_dropout"])
-def test_shares_are_between_0_and_1(share):
-    for value in (0.0, 1.0):
-        Augmentation(**{share: value})
-    for value in (-0.001, 1.001):
-        with refused(share):
-            Augmentation(**{share: value})
-
-
-def test_noise_and_pace_have_limits():
-    Augmentation(velocity_noise_mps=100.0, speed_scale=(0.001, 100.0))
-    for wrong in (
-        {"velocity_noise_mps": -0.1}, {"velocity_noise_mps": 101.0}, {"speed_scale": (0.0, 1.0)},
-        {"speed_scale": (1.0, 101.0)}, {"speed_scale": (1.5, 1.2)},
-    ):  # fmt: skip
-        with refused(next(iter(wrong))):
-            Augmentation(**wrong)

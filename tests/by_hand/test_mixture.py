@@ -7,7 +7,6 @@ import torch
 from pedpred.models.mixture.encoders import BeamEncoder, NeighbourEncoder, motion_known, own_motion, own_signs
 from pedpred.models.mixture.mirror import mirrored_beams
 from pedpred.models.mixture.network import MixtureSettings
-from tests.refused import refused
 
 HISTORY = [0.0, 0.0, 1.0, -0.1, 0.05, 1.0, -0.25, 0.2, 1.0, -0.3, 0.6, 1.0, 0.3, 0.1, 0.0]
 """(forward, left), m, and whether it is known: five positions, of which the last one is unknown."""
@@ -299,9 +298,3 @@ def test_frozen_encoders_are_not_trained(frozen):
     network = MixtureSettings(modes=2, units=4, frozen=frozen).build(WIDTHS, STEPS)
     for name, weight in network.named_parameters():
         assert weight.requires_grad == (name.split(".")[0] not in frozen)
-
-
-@pytest.mark.parametrize("name", ["modes", "units", "likelihood", "closest", "sharpness", "balance_m"])
-def test_settings_out_of_range_are_named(name):
-    with refused(name):
-        MixtureSettings(**{name: -2})

@@ -11,8 +11,7 @@ from torch.nn.utils import clip_grad_norm_
 
 from pedpred.errors import ValueRuleError
 from pedpred.models.contract import Loss
-from pedpred.training.distributed import ALONE, DistributedContext, ThreadSettings
-from pedpred.training.instants import InstantSettings, RealShare
+from pedpred.training.distributed import ALONE, DistributedContext
 from pedpred.training.loop import (
     Learner,
     Progress,
@@ -22,8 +21,7 @@ from pedpred.training.loop import (
     train,
     train_step,
 )
-from pedpred.training.schedule import FitSettings, Schedule, learning_rate
-from pedpred.training.sequences import NamedSets, SequenceSettings
+from pedpred.training.schedule import Schedule, learning_rate
 from tests.refused import refused
 
 HOW = Schedule(steps=7, validate_every=3, lr=0.5, warmup_steps=2, seed=0)
@@ -100,56 +98,6 @@ def test_rates_at_the_limits():
     assert learning_rate(2, 3, 0.3, 5) == pytest.approx(0.18)  # the training ends before the warm-up
     assert [learning_rate(step, 5, 0.3, 5) for step in (4, 5)] == pytest.approx([0.3, 0.3])
     assert learning_rate(6, 5, 0.3, 5) == pytest.approx(0.003)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        *[("steps", 0), ("validate_every", 0), ("warmup_steps", -1), ("seed", -1), ("lr", 0.0), ("lr", 10.1)],
-        *[("steps", 10**9 + 1), ("validate_every", 10**9 + 1), ("warmup_steps", 10**9 + 1)],
-        *[("clip_norm", 0.0), ("clip_norm", 1.1e6), ("weight_decay", -0.1), ("weight_decay", 1.1)],
-        *[("runs", 0), ("runs", 1001)],
-    ],
-)
-def test_settings_outside_of_their_range_are_refused(name, value):
-    FitSettings(**FIT | {"steps": 10**9, "validate_every": 10**9, "warmup_steps": 10**9})
-    with refused(name):
-        FitSettings(**FIT | {name: value})
-
-
-SEQUENCES = {"validation_by": "scene", "lanes": 1, "sub_sequence": 1, "longest_track": 1}
-INSTANTS = {"rows": 1, "shares": {"a": 1e6, "b": 0.0}}
-
-
-@pytest.mark.parametrize(
-    ("kind", "right", "wrong"),
-    [
-        (SequenceSettings, SEQUENCES, {"lanes": (0, 100_001), "sub_sequence": (0, 10_001)}),
-        (SequenceSettings, SEQUENCES, {"longest_track": (0, 1_000_001), "validation_by": ("step",)}),
-        (InstantSettings, INSTANTS, {"rows": (0, 1_000_001), "shares": ({"a": -1.0, "b": 2.0}, {"a": 0.0})}),
-    ],
-)
-def test_settings_of_learners_are_checked(kind, right, wrong):
-    right = FIT | {"validation_share": 0.0} | right
-    kind(**right)
-    wrong = wrong | {"steps": (0,), "clip_norm": (0.0,), "validation_share": (-0.1, 1.0)}
-    for name, value in [(name, value) for name, values in wrong.items() for value in values]:
-        with refused(name):
-            kind(**right | {name: value})
-
-
-def test_what_a_phase_is_trained_on_is_checked():
-    assert NamedSets(sets=("simulated/main",)).sets
-    for share in (0.0, 1.0):
-        assert RealShare(real_share=share).real_share == share
-    for share in (-0.1, 1.1):
-        with refused("real_share"):
-            RealShare(real_share=share)
-    for sets in ((), (3,)):
-        with refused("sets"):
-            NamedSets(sets=sets)
-    with refused("threads"):
-        ThreadSettings(threads=0)
 
 
 def test_each_step_moves_by_its_rate_and_its_gradient_alone():

@@ -287,17 +287,6 @@ def test_the_planner_asks_for_its_steps_its_limit_and_the_noise():
     assert people.covariance[0, 0, 0, 0] == pytest.approx(0.16 / 3 + 0.2 / 3)
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [{"risk": 1.0}, {"risk": -0.1}, {"dt_s": 0.04}, {"dt_s": 0.6}, {"horizon_s": 0.9}, {"horizon_s": 11.0}]
-    + [{name: value} for name in ("first_s", "margin_m", "near_m", "wall_weight") for value in (-0.1, 101.0)],
-)
-def test_settings_beyond_their_range_are_refused(wrong):
-    assert PlannerSettings(risk=0.0, dt_s=0.5, horizon_s=10.0, margin_m=100.0, near_m=0.0).risk == 0.0
-    with pytest.raises(ValueRuleError):
-        PlannerSettings(**wrong)
-
-
 def test_a_holonomic_robot_is_offered_the_way_of_its_course():
     """The way left, 0.3 x^2 + 0.2 y^2, falls along (-0.6 x, -0.4 y) = (0.45, -0.5) at a centre of cells."""
     x, y = np.meshgrid(-4.0 + 0.5 * (np.arange(20) + 0.5), -3.0 + 0.5 * (np.arange(16) + 0.5), indexing="ij")

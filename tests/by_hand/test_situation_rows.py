@@ -318,18 +318,3 @@ def test_rows_of_true_states_follow_in_a_share_of_scenes(share, true):
     for name, value in {"kind": "tunnel", "worlds": 0, "rows": -1, "true_rows": -1}.items():
         with refused(name):
             replace(chosen, **{name: value})
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        *[("acceleration_noise", (0.0, 1.0)), ("position_noise_m", (0.1, 101.0)), ("newborn", -1)],
-        *[("initial_speed_mps", (2.0, 1.0)), ("shift_m", -0.1), ("seed", -1), ("viewings", 0), ("rows", 0)],
-        *[("thinnings", (0.05,)), ("noise_m", (-0.1,)), ("thinned_noise_m", (101.0,))],
-    ],
-)
-def test_ranges_of_variation_are_checked(name, value):
-    viewings = ViewingSettings(1, 1, 0.5, (0.1, 1000.0), (0.0, 100.0), (0.0,))
-    settings = ROWS if hasattr(ROWS, name) else viewings
-    with refused(name):
-        replace(settings, **{name: value})

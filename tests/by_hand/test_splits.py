@@ -23,7 +23,6 @@ from pedpred.datasets.rows import (
 from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol
 from pedpred.models.lstm.features import LstmFeatures
-from pedpred.sequences import SequenceSets
 from tests.refused import refused
 
 TRACKS = np.array([0, 0, 0, 1, 1, 2, 2, 2, 2, 3, 0, 0, 0, 1, 1, 2, 3, 3, 4, 4, 5, 5, 5, 5, 6, 6])
@@ -56,14 +55,6 @@ def test_at_least_one_track_is_on_either_side():
     assert held == {0.0: 1, 0.2: 1, 0.22: 2, 0.92: 6}
     with refused("validation_by"):
         divide("track", 0.93, 0)  # 6.51 of 7
-    for made in (
-        lambda share: SplitSettings(validation_by="track", validation_share=share),
-        lambda share: CropSplit(validation_share=share, validation_crops=1),
-    ):
-        made(0.0)
-        for share in (-0.1, 1.0):
-            with refused("validation_share"):
-                made(share)
 
 
 def test_worlds_are_kept_by_their_number():
@@ -207,18 +198,3 @@ def test_a_pass_has_every_track_once_in_a_random_order():
         assert (np.diff(one) > 0).any()
         assert (np.diff(one) < 0).any()
     assert not np.array_equal(*passes)
-
-
-def test_splits_are_by_scene_or_track_alone():
-    with refused("validation_by"):
-        SplitSettings(validation_by="sequence", validation_share=0.3)
-
-
-@pytest.mark.parametrize("count", [0, 1_000_001, True, 2.0])
-def test_numbers_of_worlds_are_checked(count):
-    SequenceSets({"corridor": 1, "room": 1_000_000})
-    with refused("worlds"):
-        SequenceSets({"corridor": count})
-    for worlds in ({"arrangement": 1}, 3):
-        with refused("worlds"):
-            SequenceSets(worlds)

@@ -11,7 +11,6 @@ from pedpred.models.mixture.features.beams import obstacle_distances
 from pedpred.models.mixture.features.history import _look_back, past_positions
 from pedpred.models.mixture.features.nearest import _collect, nearest_neighbours
 from pedpred.scenes import OccupancyMap
-from tests.refused import refused
 
 TURNED = np.arctan2(0.8, 0.6)
 """A heading along (0.6, 0.8): forward is 0.6 x + 0.8 y, left is 0.6 y - 0.8 x."""
@@ -241,14 +240,6 @@ def test_inputs_are_computed_in_the_agent_frame(dt_s):
         assert all(np.array_equal(same[name], values) for name, values in found.items())
 
 
-@pytest.mark.parametrize(
-    "name", ["history_steps", "neighbours", "beams", "neighbour_range_m", "beam_range_m"]
-)
-def test_sizes_out_of_range_are_named(name):
-    with refused(name):
-        MixtureFeatures(**{name: -4})
-
-
 def test_sizes_of_inputs_follow_their_settings():
     """(3 + 1) past positions of 3 numbers, 7 neighbours of 5, 12 beams; 3 steps of 0.4 s are 1.2 s."""
     sizes = MixtureFeatures(history_steps=3, neighbours=7, beams=12)
@@ -257,5 +248,3 @@ def test_sizes_of_inputs_follow_their_settings():
     kinds = {name: column.dtype for name, column in sizes.columns().items()}
     assert kinds == dict.fromkeys(expected, "float32") | dict.fromkeys(("neighbours", "beams"), "float16")
     assert (sizes.past_s(0.3), sizes.past_s(0.4)) == pytest.approx((0.9, 1.2))
-    with refused("beams"):
-        MixtureFeatures(beams=6)
