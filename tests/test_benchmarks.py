@@ -1,17 +1,14 @@
 """Benchmarks: tables, times and busy processes, and each benchmark at its smallest size."""
 
 import dataclasses
-import re
 import subprocess
 import sys
 from itertools import product
 
-import numpy as np
 import pytest
 
 from benchmarks import driving, robustness, tables
 from benchmarks.ros import end
-from benchmarks.timing import slowdown
 from benchmarks.train import cases
 from pedpred.driving.measures import Measures
 from pedpred.driving.table import Condition, Row, write_table
@@ -33,12 +30,6 @@ def test_processes_that_ignore_the_request_to_end_are_killed():
     for process in started:
         process.stdout.close()
     assert [process.poll() for process in started] == [-15, -9, -9]
-
-
-def test_a_slowdown_is_the_ratio_of_the_medians():
-    times = iter(np.arange(6.0)[:, None] + 1)  # alone, beside, alone, ...
-    found = slowdown(lambda: next(times), 1)
-    assert (found["alone_ms"], found["beside_them_ms"], found["ratio"]) == (3.0, 4.0, 4 / 3)
 
 
 @pytest.mark.parametrize("name", ["lstm_nogrid", "mixture_small"])
@@ -98,13 +89,6 @@ def test_noise_increases_errors(small):
         ((place, exact, noisy),) = (row.values() for row in small(study, WALK))
         assert place == "walk"
         assert float(exact.split()[0]) < float(noisy.split()[0])
-
-
-def test_lone_people_and_corridors_have_a_row_per_case(small):
-    (turns,) = small("curves", "--people", "3")
-    assert re.fullmatch(r"[\d.]+ / [\d.]+( \([\d.]+\))?", turns["2.5 Hz"])
-    (shares,) = small("corridors", "--people", "1")
-    assert all(np.isfinite(value) for name, value in shares.items() if name != "width, m")
 
 
 def test_bias_has_the_truth_beside_constant_velocity(small):

@@ -86,19 +86,21 @@ BETTER, WORSE = (no_worse("eth", 1.0 + low, 1.0, [low, low + 0.1]) for low in (-
 
 
 @pytest.mark.parametrize(
-    ("candidate", "present", "worse"),
+    ("candidate", "present", "accepted", "worse"),
     [
-        ([GOOD, BETTER], [GOOD], []),
-        ([BAD, BETTER], [BAD], []),
-        ([BAD, BETTER], [GOOD], [BAD]),
-        ([GOOD, WORSE], [GOOD], [WORSE]),
-        ([BAD, WORSE], [BAD], [WORSE]),
-        ([BAD], None, []),
+        ([GOOD, BETTER], [GOOD], "", []),
+        ([BAD, BETTER], [BAD], "", []),
+        ([BAD, BETTER], [GOOD], "", [BAD]),
+        ([GOOD, WORSE], [GOOD], "", [WORSE]),
+        ([BAD, WORSE], [BAD], "", [WORSE]),
+        ([BAD], None, "", []),
+        ([GOOD, WORSE], [GOOD], "eth", []),
+        ([GOOD, WORSE], [GOOD], "hotel", [WORSE]),
     ],
-    ids=["better", "both break it", "breaks it", "larger error", "both", "first"],
+    ids=["better", "both break it", "breaks it", "larger error", "both", "first", "accepted", "another"],
 )
 def test_a_model_replaces_the_default_unless_it_is_worse(
-    candidate, present, worse, tmp_path, monkeypatch, capsys, model, mixture
+    candidate, present, accepted, worse, tmp_path, monkeypatch, capsys, model, mixture
 ):
     monkeypatch.chdir(ROOT)
     new, default = mixture[0], tmp_path / "default"
@@ -106,26 +108,12 @@ def test_a_model_replaces_the_default_unless_it_is_worse(
         shutil.copytree(model[0], default)
     found = {(new, None if present is None else default): candidate, (default, None): present}
     monkeypatch.setattr(judge.Judgement, "verdicts", lambda self, against: iter(found[self.folder, against]))
+    options = ["--accept", accepted] if accepted else []
     with pytest.raises(SystemExit, match=str(int(bool(worse)))):
-        judge.main([str(new), "--replace", str(default)])
+        judge.main([str(new), "--replace", str(default), *options])
     assert contents(default) == contents(model[0] if worse else new)
     refusal = capsys.readouterr().out.partition(f"{default} stays as it is")[2]
     assert refusal.partition("\n")[2] == "".join(map(judge.line, worse))
-
-
-@pytest.mark.parametrize(("accepted", "refused"), [("eth", False), ("hotel", True)])
-def test_what_is_accepted_may_get_worse_and_nothing_else(
-    accepted, refused, tmp_path, monkeypatch, capsys, model, mixture
-):
-    monkeypatch.chdir(ROOT)
-    new, default = mixture[0], tmp_path / "default"
-    shutil.copytree(model[0], default)
-    found = {(new, default): [GOOD, WORSE], (default, None): [GOOD]}
-    monkeypatch.setattr(judge.Judgement, "verdicts", lambda self, against: iter(found[self.folder, against]))
-    with pytest.raises(SystemExit, match=str(int(refused))):
-        judge.main([str(new), "--replace", str(default), "--accept", accepted])
-    assert contents(default) == contents(model[0] if refused else new)
-    assert (f"accepted: {judge.line(WORSE)}" in capsys.readouterr().out) == (not refused)
 
 
 def contents(folder):

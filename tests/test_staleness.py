@@ -79,20 +79,6 @@ def test_forces_fitted_to_real_people_change_no_training(graph):
         assert families(graph, f"social_forces.{name}") <= evaluated | PAGES
 
 
-@pytest.mark.parametrize(
-    ("whole", "parts"),
-    [
-        ("training", ["training.main", "training.finetune"]),
-        ("methods.networks.lstm", ["methods.networks.lstm.settings", "methods.networks.lstm.where"]),
-        ("pedpred", ["pedpred/report", "pedpred/models"]),
-        (".", ["pedpred", "stages", "params.yaml"]),
-        ("./pedpred/report/tables.py", ["pedpred/report/tables.py"]),
-    ],
-)
-def test_a_change_of_the_whole_includes_that_of_a_part(graph, whole, parts):
-    assert set().union(*(stale(graph, part) for part in parts)) <= stale(graph, whole)
-
-
 def test_the_page_shows_the_pipeline_as_it_is(graph):
     """`make readme` writes it."""
     page = (ROOT / staleness.PAGE).read_text()
