@@ -7,11 +7,10 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.figure import Figure
 
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.metrics import METRICS, Metric
-from pedpred.report.document import Picture, Pictures, Section, join_pages, markdown_table
+from pedpred.report.document import markdown_table
 from pedpred.report.findings import judge_expectations, sum_up
 from pedpred.report.gather import Evaluated, scene_names, study_page
 from pedpred.report.methods import Method
@@ -214,23 +213,6 @@ def test_noncausal_figures_are_marked_before_the_first_table(key, train):
     assert ["Non-causal" in head for head in heads] == [False, True]
 
 
-def test_the_page_on_simulation_lists_scenes_and_pictures():
-    metrics, worse = metrics_of(MEETING), metrics_of(MEETING | {"lstm": 0.65})
-    sets = {"sim_test": metrics, "sim_test_office": metrics, "sim_test_g0": worse}
-    pictures = [Picture(f"p{k}", f"caption {k}", Figure()) for k in range(3)]
-    page = page_of("sim", results_of(sets, SIMULATED, "sim", 0.3), [Section("Look", [Pictures(pictures, 2)])])
-    assert "| office | 1234 |" in page
-    assert "LSTM below Kalman CV in 1 of 2; LSTM below LSTM-noGrid in 1 of 2." in page
-    assert "![p2](sim/p2.png)<br>caption 2" in page
-
-
-def test_joined_pages_keep_links_and_lower_headings():
-    page = join_pages(["# One\n\n![a](sim/a.png)\n", "# Two\n\n## Part\n"])
-    headings = [row for row in page.split("\n") if row.startswith("#")]
-    assert headings == ["# Report", "## One", "## Two", "### Part"]
-    assert "![a](sim/a.png)" in page
-
-
 def test_scenes_of_one_name_in_two_test_sets_are_told_apart():
     rooms = [room(name) for name in ("office", "plaza")]
     sets = {"sensed": rooms[:1], "main": rooms, "sim_test": rooms}
@@ -308,19 +290,6 @@ def test_stand_ins_are_not_called_real():
     assert study_page(evaluated, [], METHODS, PAPER).markdown("real").count("drawn by hand") == 1
 
 
-@pytest.mark.parametrize(
-    "left_out", [("cv",), ("kalman_cv",), ("cv", "kalman_cv"), ("cv", "ca", "kalman_cv")]
-)
-def test_places_are_compared_with_the_simple_methods_there(left_out):
-    metrics = {place: metrics_of(MEETING) for place in ("hall", "yard")}
-    for own in metrics.values():
-        for method in left_out:
-            del own[method]
-    results = results_of(metrics, [{"test": ["real/hall", "real/yard"]}], "transfer", 0.3)
-    section, _ = section_of(results)
-    assert ("hall" in section.blocks[1].markdown("")) == (len(left_out) < 3)
-
-
 @pytest.mark.parametrize("exact", [{"kalman_cv"}, set(MEETING)])
 def test_exact_forecasts_have_pages(exact):
     metrics = metrics_of(MEETING)
@@ -331,6 +300,3 @@ def test_exact_forecasts_have_pages(exact):
     page = study_page(evaluated, [], METHODS, PAPER).markdown("")
     assert ("no better" if "lstm" in exact else "worse") in page
     assert section.blocks
-
-
-# Tables on README and in docs/
