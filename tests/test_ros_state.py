@@ -285,10 +285,6 @@ def test_what_was_learned_is_kept_and_a_damaged_file_is_renamed(tmp_path, caplog
         again.save_place()
         assert path.read_bytes() == written
     assert (tmp_path / "hall.json.unused").read_bytes() == written[:-20]
-    path.write_text("another")
-    follower_of(place_file=str(path)).load_place()
-    assert (tmp_path / "hall.json.unused1").read_text() == "another"
-    assert (tmp_path / "hall.json.unused").read_bytes() == written[:-20]
 
 
 @pytest.mark.parametrize("place_file", ["", "~/hall.json"])

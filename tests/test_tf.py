@@ -105,7 +105,6 @@ def test_a_frame_moves_if_its_poses_differ():
 def test_a_fixed_frame_is_there_at_all_times():
     frames = frames_of(transform("map", "base", 5.0, offset=(2.0, 0.0, 0.0)), fixed=True)
     assert x_of(frames, 0.0) == x_of(frames, 1e9) == 2.0
-    assert frames.age_s("base", "map", 1e9) is None
     assert not frames.moves("base")
 
 
@@ -138,14 +137,6 @@ def test_transforms_without_a_stamp_are_of_their_arrival():
 
 def test_names_have_no_leading_slash():
     assert frames_of(transform("/map", "/base")).chain("base") == ["base", "map"]
-
-
-def test_the_age_is_that_of_the_oldest_link():
-    frames = moving([10.0, 10.5], parent="odom")
-    frames.add(transform("map", "odom", 8.0), 0.0, False)
-    assert frames.age_s("base", "map", 11.0) == 3.0
-    assert frames.age_s("base", "odom", 11.0) == 0.5
-    assert frames.age_s("base", "elsewhere", 11.0) == np.inf
 
 
 # Live streams

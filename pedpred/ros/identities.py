@@ -25,26 +25,39 @@ _log = logging.getLogger(__name__)
 
 
 class TrackNumbers:
-    """Track numbers for names: 7 keeps its value; other names, also 007, get -1, -2, ... in order."""
+    """Track numbers for names: 7 keeps its value; other names, also 007, get -1, -2, ... in order.
 
-    def __init__(self) -> None:
+    Args:
+        kept_s: a name that is not used for so long is dropped, and its number is not used again; None:
+            never, s.
+
+    Attributes:
+        names: number -> name, where the name is not the number.
+    """
+
+    def __init__(self, kept_s: float | None = None) -> None:
+        self._kept_s, self._next = kept_s, -1
+        self.names: dict[int, str] = {}
         self._numbers: dict[str, int] = {}
-        self._next = -1
+        self._used_s: dict[int, float] = {}
 
-    def number(self, name: object) -> int:
-        """The number of a name, the same on every call, of 64 bits; different names have different ones."""
-        text = str(name)
-        is_short = text.isascii() and text.isdecimal() and len(text) <= len(str(_LARGEST))
-        if is_short and text == str(int(text)) and int(text) <= _LARGEST:
-            return int(text)
-        if text not in self._numbers:
-            self._numbers[text] = self._next
+    def numbers(self, time_s: float, names: Sequence[str]) -> np.ndarray:
+        """Numbers of names at a time, s; different names have different ones, of 64 bits. [D] int64."""
+        numbers = [self._number(name) for name in names]
+        self._used_s |= {number: time_s for number in numbers if number < 0}
+        if self._kept_s is not None:
+            for number in [n for n, used_s in self._used_s.items() if abs(time_s - used_s) > self._kept_s]:
+                del self._used_s[number], self._numbers[self.names.pop(number)]
+        return np.array(numbers, np.int64)
+
+    def _number(self, name: str) -> int:
+        is_short = name.isascii() and name.isdecimal() and len(name) <= len(str(_LARGEST))
+        if is_short and name == str(int(name)) and int(name) <= _LARGEST:
+            return int(name)
+        if name not in self._numbers:
+            self._numbers[name], self.names[self._next] = self._next, name
             self._next -= 1
-        return self._numbers[text]
-
-    def forget(self, name: str) -> None:
-        """Drop a name; its number is not used again."""
-        self._numbers.pop(name, None)
+        return self._numbers[name]
 
 
 def are_identities(messages: Sequence[Sequence[str]]) -> bool:
@@ -80,7 +93,6 @@ class Identities:
 
     Attributes:
         unnamed: number of detections without an id, among those that are identified by ids.
-        names: number -> name of people whose name is not their number.
 
     Raises:
         ValueRuleError: there is no such mode.
@@ -95,15 +107,18 @@ class Identities:
     ):
         check_choice("identities", mode, MODES)
         self._mode = mode if has_ids or mode == "given" else "assigned"
-        self._kept_s, self._is_live, self.unnamed = kept_s, recording is None, 0
-        self._nearest, self._numbers = NearestTracks(), TrackNumbers()
-        self._used_s: dict[str, float] = {}
-        self.names: dict[int, str] = {}
+        self._is_live, self.unnamed = recording is None, 0
+        self._nearest, self._tracks = NearestTracks(), TrackNumbers(kept_s)
         self._recent: deque[Sequence[str]] = deque(maxlen=_MESSAGES)
         self._ignores_ids = False
         if self._mode == "auto" and not are_identities([_known(ids) for ids in recording or ()]):
             _log.warning(_ASSIGNED)
             self._mode = "assigned"
+
+    @property
+    def names(self) -> dict[int, str]:
+        """Number -> name of people whose name is not their number."""
+        return self._tracks.names
 
     def name(self, number: int) -> str:
         """The name of a person."""
@@ -137,7 +152,7 @@ class Identities:
             self.unnamed += 0 if self._ignores_ids else int(unnamed.sum())
             assigned = iter(self._nearest.assign(time_s, position[unnamed]).tolist())
             names = [name or f"#{next(assigned)}" for name in names]
-        return self._numbered(time_s, names)
+        return self._tracks.numbers(time_s, names)
 
     def correct(self, turn_rad: float, shift: np.ndarray) -> None:
         """See `NearestTracks.correct`."""
@@ -151,18 +166,6 @@ class Identities:
             _log.warning(_ASSIGNED)
         elif before and not self._ignores_ids:
             _log.info("people have ids from here on")
-
-    def _numbered(self, time_s: float, names: Sequence[str]) -> np.ndarray:
-        """Numbers of names; names that have not been used for `kept_s` are dropped."""
-        self._used_s |= dict.fromkeys(names, time_s)
-        if self._kept_s is not None:
-            for name in [n for n, used_s in self._used_s.items() if abs(time_s - used_s) > self._kept_s]:
-                self.names.pop(self._numbers.number(name), None)
-                self._numbers.forget(name)
-                del self._used_s[name]
-        numbers = [self._numbers.number(name) for name in names]
-        self.names |= {number: name for number, name in zip(numbers, names, strict=True) if number < 0}
-        return np.array(numbers, np.int64)
 
 
 def _known(ids: Sequence[str]) -> list[str]:

@@ -112,21 +112,6 @@ class Frames:
                 return f"the transform of {child!r} in {edge.parent!r} is {problem}"
         return ""
 
-    def begin_later(self, frame: str, target: str, time_s: float) -> bool:
-        """Whether transforms between two frames are known from a later time on only."""
-        moving = self._moving(frame, target)
-        return moving is not None and any(time_s < edge.first_s for edge in moving)
-
-    def age_s(self, frame: str, target: str, time_s: float) -> float | None:
-        """How old, at a time, the oldest of the latest transforms between two frames is, s.
-
-        None where all frames between them are fixed, infinite where no transforms connect them.
-        """
-        moving = self._moving(frame, target)
-        if moving is None:
-            return np.inf
-        return max((time_s - edge.latest_s for edge in moving), default=None)
-
     def placed(self, points: np.ndarray, time_s: float | np.ndarray, frame: str, target: str) -> np.ndarray:
         """Transform points from one frame into another.
 
@@ -179,14 +164,6 @@ class Frames:
                 return up[: up.index(name) + 1], down[: down.index(name) + 1]
         return up, down
 
-    def _moving(self, frame: str, target: str) -> list[_Edge] | None:
-        """The poses between two frames, without fixed ones; None where no transforms connect them."""
-        up, down = self._chains(frame, target)
-        if up[-1] != down[-1]:
-            return None
-        edges = [self._edges[child] for child in (*up[:-1], *down[:-1])]
-        return [edge for edge in edges if not edge.is_fixed]
-
 
 class _Edge:
     """Poses of a frame in its parent.
@@ -219,17 +196,13 @@ class _Edge:
         cosine = np.abs((turn[1:] * turn[:-1]).sum(axis=1))
         return bool((far | (cosine < np.cos(_SAME_RAD / 2))).any())
 
-    @property
-    def first_s(self) -> float:
-        """Time of the first pose, s."""
-        return float(self._poses()[0][0])
-
     def explain_missing(self, time_s: float) -> str:
         """Say why there is no pose at a time; empty if there is one."""
         if np.isfinite(self.poses(np.array([time_s]))[1]).all():
             return ""
-        if time_s < self.first_s:
-            return f"{self.first_s - time_s:.3g} s later than the people, and it is the first one"
+        first_s = self._poses()[0][0]
+        if time_s < first_s:
+            return f"{first_s - time_s:.3g} s later than the people, and it is the first one"
         return f"{time_s - self.latest_s:.3g} s older than the people"
 
     def poses(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

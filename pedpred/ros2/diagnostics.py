@@ -108,7 +108,7 @@ def diagnostics_content(
 
 def status_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
     """The table of a status."""
-    counts, age_s = follower.counts, follower.transform_age_s
+    counts = follower.counts
     return {
         "map": follower.map.text,
         "frame": follower.map.frame,
@@ -125,5 +125,4 @@ def status_values(follower: Follower, latencies: Latencies) -> dict[str, object]
         "left out: detections near the robot": counts.near_robot,
         "age of people when they come (s)": f"{follower.inbox.stamp_age_s:.2f}",
         "latency, median (ms)": f"{latencies.median_ms():.1f}",
-        "age of /tf (s)": "not needed" if age_s is None else f"{age_s:.2f}",
     }

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pedpred.errors import PedpredError
 from pedpred.online import OnlinePredictor
 from pedpred.ros.detections import DetectionFrame, find_usable
 from pedpred.ros.identities import Identities
@@ -20,7 +21,6 @@ from pedpred.ros2.inbox import Arrival, Inbox
 from pedpred.ros2.live_map import LiveMap
 from pedpred.ros2.outbox import Outbox, empty
 from pedpred.ros2.outputs import Output
-from pedpred.ros2.place import load_place
 from pedpred.ros2.settings import NodeSettings
 from pedpred.scenes import Forecast
 from pedpred.tracking.tracks import LOST_AFTER_S, TIME_TOLERANCE_S
@@ -79,17 +79,18 @@ class Follower:
     def settings(self, settings: NodeSettings) -> None:
         self.inbox.settings = settings
 
-    @property
-    def transform_age_s(self) -> float | None:
-        """How much older than the latest people a transform is that they need, s; None if they need none."""
-        latest = self.inbox.latest
-        if latest is None or not latest.ids:
-            return None
-        return self.inbox.frames.age_s(latest.frame, self.map.frame, latest.time_s)
-
     def load_place(self) -> None:
-        """Continue with the file of the place, see `pedpred.ros2.place`."""
-        load_place(self.predictor, self.settings.place)
+        """Continue with the file of the place, if there is one; a file that cannot be used is renamed."""
+        path = self.settings.place
+        if path is None or not path.exists():
+            return
+        try:
+            self.predictor.load_place(path)
+        except PedpredError as problem:
+            unused = path.replace(path.with_name(f"{path.name}.unused"))  # the name is soon written to
+            _log.warning("what was learned before is not used, and now %s: %s", unused, problem)
+        else:
+            _log.info("continuing with what was learned in %s", path)
 
     def save_place(self) -> None:
         """Write the file of the place.

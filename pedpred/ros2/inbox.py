@@ -57,8 +57,7 @@ class Inbox:
     Attributes:
         frames: transforms of the last `KEPT_S`.
         has_ids: whether the type of the messages has ids.
-        latest: people of the message that was read last; None before the first.
-        read_s: when that was, s.
+        read_s: when the last message was read, s.
         stamp_age_s: by how much its people were older than the clock of their stamps when they came.
     """
 
@@ -75,7 +74,6 @@ class Inbox:
         self._decode_people = decode_people or (lambda raw: decode(raw, kind))
         self._waiting: deque[Arrival] = deque()
         self._is_behind = False
-        self.latest: DetectionFrame | None = None
         self.read_s, self.stamp_age_s = -np.inf, 0.0
 
     @property
@@ -116,7 +114,7 @@ class Inbox:
             _log.info(text, sorted(set(detected.others)))
         if not detected.is_stamped:
             _log.warning("people have no stamp: the time of their arrival is used")
-        self.latest, self.stamp_age_s = detected, (received_ns - detected.time_ns) / 1e9
+        self.stamp_age_s = (received_ns - detected.time_ns) / 1e9
         if len(self._waiting) >= _MOST_WAITING:  # the first ones stay: their transforms come first
             self._counts.lost += 1
             _log.warning("people left out: %d messages wait for transforms", _MOST_WAITING)
@@ -126,24 +124,22 @@ class Inbox:
     def ready(self, now_s: float, target: str) -> Iterator[Arrival]:
         """Messages whose transforms have arrived; those that have waited too long are left out.
 
-        So are those of a time before the first transform, since no earlier one will arrive.
-
         Args:
             now_s: as that of `take_people`.
             target: frame to which transforms are needed.
         """
         while self._waiting:
             first = self._waiting[0]
-            where, timeout_s = (first.detected.frame, target), self.settings.transform_timeout_s
-            time_s = first.detected.time_s
-            missing = self.frames.explain_missing(*where, time_s) if first.detected.ids else ""
-            is_hopeless = missing and self.frames.begin_later(*where, time_s)
-            if missing and not is_hopeless and now_s - first.read_s < timeout_s:
+            detected, timeout_s = first.detected, self.settings.transform_timeout_s
+            missing = ""
+            if detected.ids:
+                missing = self.frames.explain_missing(detected.frame, target, detected.time_s)
+            if missing and now_s - first.read_s < timeout_s:
                 return
             self._waiting.popleft()
             if missing:
                 self._counts.lost += 1
-                _log.warning("people in %r left out: %s (waited %s s)", where[0], missing, timeout_s)
+                _log.warning("people in %r left out: %s (waited %s s)", detected.frame, missing, timeout_s)
             else:
                 yield first
 

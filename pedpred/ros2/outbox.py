@@ -51,7 +51,6 @@ class Outbox:
         self._names: Mapping[int, str] = {}
         self._shown_s, self._next_s = -np.inf, -np.inf
         self._ground: OccupancyMap | None = None
-        self._warns_without_map = True
 
     def outputs(
         self,
@@ -102,8 +101,7 @@ class Outbox:
     def _grids(self, forecast: Forecast, time_ns: int, around: LiveMap, cell_m: float) -> Iterator[Output]:
         is_on, steps = cell_m > 0, forecast.predictions.steps
         if around.occupancy is None:
-            if is_on and self._warns_without_map:
-                self._warns_without_map = False
+            if is_on:
                 _log.warning("predicted_occupancy is not published without a map: publish `map`")
             return
         needed = {
