@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from pedpred.geometry import rotate
 from pedpred.scenes import OccupancyMap
-from pedpred.simulation import forces, kernel
+from pedpred.simulation import kernel
 from pedpred.simulation.ground import ground_of, interpolate, signed_distance
+from tests import forces
 from tests.forces import driving_acceleration, social_acceleration
 from tests.simulated import SETTINGS
 
