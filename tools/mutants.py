@@ -49,7 +49,13 @@ from tools.mutations import Mutation, constants, functions, mutations
 
 SCOPE = (
     *("metrics", "forecasting", "evaluation", "tracking", "features", "models", "training"),
-    *("simulation/kernel.py", "driving/risk.py", "driving/planner.py", "driving/measures.py"),
+    *(
+        "simulation/kernel.py",
+        "simulation/physics.py",
+        "driving/risk.py",
+        "driving/planner.py",
+        "driving/measures.py",
+    ),
 )
 """Folders and files of pedpred that are changed."""
 TESTS = (
