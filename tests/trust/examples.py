@@ -210,7 +210,7 @@ def make_foreign(folder: Path) -> None:
 
 
 def read_foreign(folder: Path) -> object:
-    return [read_forecasts(folder / name, None) for name in FORECASTS]
+    return [read_forecasts(folder / name) for name in FORECASTS]
 
 
 def make_ewap(folder: Path) -> None:
