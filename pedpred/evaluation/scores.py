@@ -139,9 +139,9 @@ def score(
         steps: measure the calibration at each step, the slowest of all.
 
     Raises:
-        ValueRuleError: a window has no forecast, or one that some metrics cannot measure; forecasts are not in
-            the world frame, or of another number or length than the truth; or a metric gives something else
-            than a value per window.
+        ValueRuleError: a window has no forecast, or one that some metrics cannot measure; forecasts are not
+            in the world frame, or of another number or length than the truth; or a metric gives something
+            else than a value per window.
     """
     if predictions.frame != "world":
         rule = "it must be 'world': a method gives what `in_world` of its predictions returns"
