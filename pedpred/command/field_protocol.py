@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
-from pedpred.command.foreign import ForeignForecasts, answered_by_all
-from pedpred.command.tables import aligned
+from pedpred.command.foreign import ForeignForecasts, has_all_forecasts
+from pedpred.command.tables import align_columns
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import MetricSettings, Scores
 from pedpred.forecasting import Forecaster, ForecastRequest
@@ -61,7 +61,7 @@ def assess_windows(
     about = predictor.description
     windows = find_windows(scene, WINDOWS, predictor.filters, about.standstill_mps, memory=False)
     if foreign:
-        kept = answered_by_all(foreign, _with_recorded_ids(windows))
+        kept = has_all_forecasts(foreign, _with_recorded_ids(windows))
         request = replace(windows.request, rows=windows.request.rows[kept])
         windows = WindowSet(request, windows.truth[kept], windows.track[kept], windows.end_s[kept])
     forecasters: dict[str, Forecaster] = {key: make() for key, make in PRESENT_MOTION.items()}
@@ -117,4 +117,4 @@ def protocol_table(name: str, scores: Mapping[str, Scores]) -> str:
         cells.append([method, *("-" if np.isnan(mean) else f"{mean:.3f}" for mean in means)])
     count = len(next(iter(scores.values())).track)
     about = f"{name}: {count} windows of {WINDOWS.observed_steps} + {WINDOWS.predicted_steps} annotations"
-    return aligned(about, cells)
+    return align_columns(about, cells)
