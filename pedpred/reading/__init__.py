@@ -41,10 +41,9 @@ from pedpred.reading.head import GZIP, Head
 from pedpred.reading.names import TrackNames
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.table import Table
-from pedpred.reading.text import numbers
+from pedpred.reading.text import check_size, numbers
 from pedpred.reading.tracks import agreed_unit, to_tracks
 from pedpred.scenes import OccupancyMap, Scene
-from pedpred.storage.tracks import MOST_NUMBERS
 
 _LARGEST_BYTES, _BLOCK_BYTES, _MOST_FILES = 2**31, 2**20, 100_000
 _log = logging.getLogger(__name__)
@@ -161,12 +160,11 @@ def _unpacked(path: Path) -> Iterator[Path]:
             return
     with TemporaryDirectory() as folder, add_path(path):
         plain = Path(folder, path.stem)
-        size = 0
         with gzip.open(path) as packed, plain.open("wb") as file:
             while block := packed.read(_BLOCK_BYTES):
-                if (size := size + len(block)) > _LARGEST_BYTES:
-                    raise ContentError(f"it unpacks to more than {_LARGEST_BYTES} bytes", "Divide the file")
                 file.write(block)
+                if file.tell() > _LARGEST_BYTES:
+                    raise ContentError(f"it unpacks to more than {_LARGEST_BYTES} bytes", "Divide the file")
         yield plain
 
 
@@ -175,27 +173,17 @@ def _read_folder(folder: Path, options: ReadOptions) -> Table:
     check_input(folder, folder=True)
     files = sorted(file for file in folder.iterdir() if file.is_file() and not file.name.startswith("."))
     if not 0 < len(files) <= _MOST_FILES:
-        raise InputError(
-            folder, None, f"{len(files)} files, expected 1 to {_MOST_FILES}", "Name another folder"
-        )
-    parts, count = [], 0
+        problem = f"{len(files)} files, expected 1 to {_MOST_FILES}"
+        raise InputError(folder, None, problem, "Name another folder")
+    parts: list[pa.Table] = []
     for file in files:
         reader = format_of(file, options)
         with add_path(file):
-            content = reader.read(file, options)
-            if content.open_order:
-                raise ContentError("no header", "Name the columns in order: --columns frame,x,y")
-            columns = {name: content.rows[name] for name in content.rows.column_names if name != "id"}
-            columns |= {axis: pa.array(numbers(columns[axis], axis, content.before)) for axis in "xy"}
-            who = pa.DictionaryArray.from_arrays(
-                pa.array([0] * content.rows.num_rows, pa.int32()), [file.stem]
-            )
-            parts.append(
-                replace(content, rows=pa.table(columns | {"id": who.cast(pa.string())}), before=None)
-            )
-            if (count := count + content.rows.num_rows) * 4 > MOST_NUMBERS:
-                raise ContentError(
-                    f"more than {MOST_NUMBERS // 4} rows in the files up to this one", "Divide the folder"
-                )
+            table = reader.read(file, options)
+            names = [name for name in table.rows.column_names if name != "id"]
+            columns = {name: table.rows[name] for name in names}
+            columns |= {axis: pa.array(numbers(columns[axis], axis, table.before)) for axis in "xy"}
+            parts.append(pa.table(columns | {"id": pa.array([file.stem] * table.rows.num_rows)}))
+            check_size(sum(part.num_rows for part in parts))
     with add_path(folder):
-        return replace(parts[0], rows=pa.concat_tables([part.rows for part in parts]))
+        return replace(table, rows=pa.concat_tables(parts), before=None)

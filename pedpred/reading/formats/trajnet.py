@@ -23,8 +23,7 @@ from pedpred.reading.errors import ContentError
 from pedpred.reading.head import Head
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.table import Table
-from pedpred.reading.text import read_lines
-from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.reading.text import check_size, read_lines
 
 NAME = "TrajNet++"
 _LINE = '{"track": {"f": 0, "p": 1, "x": 0, "y": 0}}'
@@ -43,7 +42,7 @@ def read(path: Path, options: ReadOptions) -> Table:
         ContentError: a line is wrong, or a forecast; or the scenes have no `fps`, or several.
     """
     rates: set[float] = set()
-    rows: list[list[Any]] = []
+    rows: list[list[float]] = []
     for line, kind, content in json_lines(path):
         if kind == "scene":
             if "fps" in content and len(rates) < 2:
@@ -53,27 +52,23 @@ def read(path: Path, options: ReadOptions) -> Table:
             remedy = "Measure forecasts with: pedpred evaluate RECORDING --forecasts FILE"
             raise ContentError("a forecast (prediction_number), but only detections are read", remedy, line)
         rows.append(fields(content, ("f", "p", "x", "y"), line))
-        if 4 * len(rows) > MOST_NUMBERS:
-            raise ContentError(f"more than {MOST_NUMBERS // 4} rows", "Divide the file", line)
+        check_size(len(rows))
     if not rows:
         raise ContentError(f"no line with a track, such as {_LINE}", _OTHERS)
-    numbers = np.array(rows, np.float64)
-    rate_hz = options.rate_hz or _frames_per_second(numbers, rates)
-    columns = {
-        name: pa.array(numbers[:, k], from_pandas=True) for k, name in enumerate(("frame", "id", "x", "y"))
-    }
-    return Table(pa.table(columns), "m", rate_hz)
+    values = np.array(rows)
+    columns = dict(zip(("frame", "id", "x", "y"), values.T.copy(), strict=True))
+    return Table(pa.table(columns), "m", options.rate_hz or _frames_per_second(values, rates))
 
 
-def _frames_per_second(numbers: np.ndarray, rates: set[float]) -> float:
+def _frames_per_second(rows: np.ndarray, rates: set[float]) -> float:
+    """The usual number of frames between two detections of a track, times `fps` of the scenes."""
     if len(rates) != 1 or not 0.0 < min(rates) < np.inf:
-        named = ", ".join(f"{rate:g}" for rate in sorted(rates)[:5]) or "none"
+        named = ", ".join(f"{rate:g}" for rate in sorted(rates)) or "none"
         raise ContentError(f"fps of the scenes: {named}", "Give the frame rate: --rate")
-    placed = numbers[np.isfinite(numbers).all(axis=1)]
-    order = np.lexsort((placed[:, 0], placed[:, 1]))
-    steps = np.diff(placed[order, 0])[np.diff(placed[order, 1]) == 0]
-    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
-    return usual * rates.pop()
+    placed = rows[np.isfinite(rows).all(axis=1)]
+    frame, who = placed[np.lexsort((placed[:, 0], placed[:, 1])), :2].T
+    steps = np.diff(frame)[np.diff(who) == 0]
+    return rates.pop() * (float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0)
 
 
 def rate_of(scene: Mapping[str, Any]) -> float:
