@@ -16,7 +16,7 @@ TOO_OLD = "$(VENV) has Python %d.%d, and 3.11 or newer is needed: rm -r $(VENV);
 
 .DEFAULT_GOAL := help
 REV ?= HEAD
-.PHONY: gone help setup params tune reproduce compare judge release smoke test mutants rosenv ros pythons trust docs readme dist audit check
+.PHONY: gone help setup params tune reproduce studies compare judge release smoke test mutants rosenv ros pythons trust docs readme dist audit check
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -38,7 +38,7 @@ tune: setup ## fit trackers and social forces to real places again (writes conf/
 	dvc repro ingest
 	places=$$(python -m tools.places tuned_on) && for place in $$places; do python -m tools.tune_tracker $$place || exit; done
 	python -m pedpred.config
-	dvc repro features_real
+	dvc repro rows@lstm-real
 	places=$$(python -m tools.places fitted_on) && for place in $$places; do python -m tools.fit_social_force $$place || exit; done
 	python -m pedpred.config
 
@@ -47,9 +47,11 @@ reproduce: setup ## run what is out of date: raw data, networks, reports/ and th
 	@python -m pedpred.config --check
 	@python -m tools.recordings
 	@if compgen -G 'data/raw/*/UNAVAILABLE.txt' > /dev/null; then exec .ci/incomplete; fi; \
-	python -m tools.branches; failed=0; \
-	dvc repro --keep-going || failed=1; \
+	failed=0; dvc repro --keep-going || failed=1; \
 	python -m tools.readme || failed=1; exit $$failed
+
+studies: setup ## run what is out of date of the other studies, too: ETH and UCY as the field compares, drives
+	dvc repro --keep-going --all-pipelines && python -m tools.readme
 
 compare: setup ## list metrics that left their intervals since REV=<revision>; fails if some got worse
 	@python -m tools.compare $(REV)
@@ -86,9 +88,8 @@ trust: setup ## test the guarantees at length: damaged files, killed stages, a m
 docs: setup ## build the documentation into build/site; fails on a broken link
 	NO_MKDOCS_2_WARNING=1 mkdocs build --quiet --strict
 
-readme: setup ## write the tables of results into README.md and docs/, those of the pipeline into ARCHITECTURE.md
+readme: setup ## write the tables of results into README.md and docs/
 	python -m tools.readme
-	python -m tools.staleness --write
 
 dist: setup ## build the wheel and the source archive into build/dist
 	build/packager/bin/python -m build --version > /dev/null 2>&1 || { python -m venv --clear build/packager && build/packager/bin/pip install --quiet build; }

@@ -32,6 +32,7 @@ from pedpred.datasets.rows import Spans
 from pedpred.errors import user_errors
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Following
+from pedpred.models import ARCHITECTURES
 from pedpred.models.contract import NetworkSettings
 from pedpred.models.features import RowFormat, parse_features
 from pedpred.models.lstm.augmentation import look_up
@@ -83,9 +84,11 @@ def cases() -> dict[str, Callable[[DistributedContext], Case]]:
 
     made: dict[str, Callable[[DistributedContext], Case]] = {}
     for name, row in plain(cfg.methods.networks).items():
-        made[name] = partial(recurrent_case, parse_settings(row["settings"]), lstm, recurrent)
-    for name, row in plain(cfg.methods.memoryless).items():
-        made[name] = partial(situation_case, parse_settings(row["settings"]), mixture, situations)
+        settings = parse_settings(row["settings"])
+        if ARCHITECTURES[row["settings"]["architecture"]].features == "lstm":
+            made[name] = partial(recurrent_case, settings, lstm, recurrent)
+        else:
+            made[name] = partial(situation_case, settings, mixture, situations)
     return made
 
 

@@ -10,14 +10,15 @@ from __future__ import annotations
 import argparse
 import difflib
 import functools
+import hashlib
 import inspect
-import itertools
+import json
 import logging
 import os
 import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -27,7 +28,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 
 from pedpred.errors import ConfigError, InputError, ValueRuleError, user_errors
-from pedpred.files import check_output, read_yaml, translate_errors, write_text
+from pedpred.files import check_output, read_yaml, translate_errors, write_json, write_text
 from pedpred.plain import parse_yaml
 
 SETS = {"simulated": "simulations", "real": "places"}
@@ -39,15 +40,12 @@ WRITTEN = (("data",), ("models",), ("reports",))
 OUTPUTS = ("out", "curve")
 """Arguments of stages that name a file or folder to write."""
 
-WITH_CURVE = ("train", "pretrain_autoencoder")
-"""Stages with the argument `curve`; others have `out` alone."""
-
-ARGUMENTS = ("name", "kind", "phase", "fold", "networks", "scene", "rows", *OUTPUTS)
-"""Arguments of stages: what they write, and of which rows."""
-
 SHARED = Path("data/config")
 """Parts of params.yaml that many stages read, a file each, which the stage `config` writes.
 dvc.lock, which DVC reads and writes after every stage, would repeat their values in every entry."""
+
+DECLARATIONS = Path("build/declarations.json")
+"""What `declarations` found, which takes DVC two seconds, and the checksum of the files that it read."""
 
 _KEEP = ". If `dvc exp` wrote what params.yaml has, and it is to stay, write it into conf/ first"
 
@@ -55,25 +53,27 @@ LOCK, KEPT = Path("dvc.lock"), Path("build/dvc.lock")
 """Checksums of all results: the file that DVC rewrites in place, and the copy that each stage makes first."""
 
 
-def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
+def stage(*arguments: str) -> Callable[[Callable[[DictConfig], None]], Callable[[], None]]:
     """Turn `main(cfg)` into a stage's entry point.
 
     `cfg` is read-only and complete. Under DVC it holds only the keys that dvc.yaml declares for the running
     stage, so reading an undeclared key fails; by hand it is what conf/ composes to with the given Hydra
     overrides. A `PedpredError` ends the process with its message, without a traceback. A trial whose `out` is
     elsewhere writes its curve beside it unless `curve` says where.
-    """
-    root = Path(inspect.getfile(main)).resolve().parents[1]  # not DVC_ROOT: a queued run is a copy
-    script = Path(inspect.getfile(main)).stem
 
-    @functools.wraps(main)
-    def entry() -> None:
-        address = os.environ.get("DVC_STAGE")
+    Args:
+        arguments: what the stage reads of its command line beside `out`, which all stages have.
+    """
+    known = (*arguments, "out")
+
+    def wrap(main: Callable[[DictConfig], None]) -> Callable[[], None]:
+        root = Path(inspect.getfile(main)).resolve().parents[1]  # not DVC_ROOT: a queued run is a copy
 
         def run(cfg: DictConfig) -> None:
+            address = os.environ.get("DVC_STAGE")
             logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
             with config_errors(address):
-                if script in WITH_CURVE and "out" in cfg and "curve" not in cfg:
+                if "curve" in known and "out" in cfg and "curve" not in cfg:
                     OmegaConf.update(cfg, "curve", f"{cfg.out}.tsv", force_add=True)
                 OmegaConf.resolve(cfg)
                 OmegaConf.set_struct(cfg, True)
@@ -82,21 +82,26 @@ def stage(main: Callable[[DictConfig], None]) -> Callable[[], None]:
                     check_output(Path(str(cfg[key])), folder=None)
                 main(cfg)
 
-        if address:
-            with config_errors(address):
-                keep_lock(root)
-                addressed = declared(root, address, sys.argv[1:])
-            run(addressed)
-        else:
+        @functools.wraps(main)
+        def entry() -> None:
+            address, given = os.environ.get("DVC_STAGE"), sys.argv[1:]
+            if address:
+                with config_errors(address):
+                    keep_lock(root)
+                    addressed = declared(root, address, given)
+                run(addressed)
+                return
             with config_errors():
-                known = arguments_of(root, script, sys.argv[1:])
-                if {"-h", "--help"} & set(sys.argv[1:]):
+                if {"-h", "--help"} & set(given):
+                    script = Path(inspect.getfile(main)).stem
                     sys.stdout.write(_usage(script, known, inspect.getdoc(main) or ""))
                     return
-                check_arguments(root / "conf", sys.argv[1:], known)
+                check_arguments(root / "conf", given, known)
             hydra.main(version_base="1.3", config_path=str(root / "conf"), config_name="config")(run)()
 
-    return entry
+        return entry
+
+    return wrap
 
 
 @contextmanager
@@ -123,29 +128,6 @@ def _remedy(path: Path) -> str:
     return ". `dvc repro` writes it again" if path.parts[:1] in WRITTEN else ""
 
 
-def arguments_of(root: Path, script: str, overrides: Iterable[str] = ()) -> tuple[str, ...]:
-    """Return the arguments that a stage reads: those of its commands in dvc.yaml, and what it writes.
-
-    Commands with another value of an argument do not count, such as those of another `phase`.
-
-    Args:
-        root: the project's folder.
-        script: of the stage. One that is not in dvc.yaml may have any argument.
-        overrides: of the command line.
-    """
-    stages = read_yaml(root / "dvc.yaml", partial(ConfigError, "dvc.yaml", None))["stages"].values()
-    commands = " ".join(entry.get("do", entry)["cmd"] for entry in stages)
-    texts = re.findall(rf"python -m stages\.{script}\b(.*?)(?=python -m|$)", commands)
-    if not texts:
-        return ARGUMENTS
-    runs = [dict(re.findall(r" \+(\w+)=(\S+)", text)) for text in texts]
-    given = dict(re.findall(r"^\+{1,2}(\w+)=(.*)", "\n".join(overrides), re.MULTILINE))
-    alike = [run for run in runs if all("$" in run.get(k, "$") or run[k] == v for k, v in given.items())]
-    outputs = OUTPUTS if script in WITH_CURVE else ("out",)
-    read = {*itertools.chain(*(alike or runs)), *outputs}
-    return tuple(name for name in ARGUMENTS if name in read)
-
-
 def _usage(script: str, arguments: Iterable[str], purpose: str) -> str:
     """Word the help of a stage that is run by hand."""
     shown = " ".join(f"[+{name}=...]" for name in arguments)
@@ -157,7 +139,7 @@ def _usage(script: str, arguments: Iterable[str], purpose: str) -> str:
     )
 
 
-def check_arguments(conf: Path, overrides: list[str], known: Collection[str] = ARGUMENTS) -> None:
+def check_arguments(conf: Path, overrides: list[str], known: Collection[str] = ()) -> None:
     """Refuse a misspelt `+argument=` or `+key.of.conf=`, which Hydra adds where nobody reads it.
 
     Args:
@@ -171,9 +153,8 @@ def check_arguments(conf: Path, overrides: list[str], known: Collection[str] = A
     added = r"^\+{1,2}((\w+)[.\w]*)=(.*)"
     for key, group, value in re.findall(added, "\n".join(overrides), re.MULTILINE):
         if key not in known and not (conf / group).exists():
-            who = "this stage does not read" if key in ARGUMENTS else "no stage has"
-            rule = f"{who} this argument and conf/ has no such key; arguments are {', '.join(known)}"
-            raise ConfigError(key, value, rule)
+            arguments = f"; arguments are {', '.join(known)}" if known else ""
+            raise ConfigError(key, value, f"it is no argument and no key of conf/{arguments}")
 
 
 def _about_key(error: OmegaConfBaseException, address: str | None) -> ConfigError:
@@ -202,6 +183,15 @@ def read_params(root: Path) -> DictConfig:
     values = read_yaml(file, wording)
     with translate_errors(wording):
         return OmegaConf.create(values)
+
+
+def read_table(file: str | Path) -> dict[str, Any]:
+    """Read a file of conf/ that stages depend on as it is, since nobody overrides single values of it.
+
+    Raises:
+        ConfigError: the file is missing or damaged.
+    """
+    return read_yaml(Path(file), partial(ConfigError, Path(file).stem, str(file)))
 
 
 def stage_key(cfg: DictConfig) -> str:
@@ -275,42 +265,69 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
         arguments: the command line of the stage.
 
     Raises:
-        ConfigError: dvc.yaml has no such stage, one of the files is damaged, or a declared key is missing.
+        ConfigError: dvc.yaml has no such stage, a file is missing or damaged, or a declared key is missing.
     """
-    from dvc import dvcfile, repo  # takes 0.3 s to import; a stage by hand does without
-
-    seen = OmegaConf.create()
-    try:
-        with repo.Repo(str(root), uninitialized=True) as project:
-            file = dvcfile.load_file(project, str(root / "dvc.yaml"))
-            file.lockfile_contents = {}  # dvc.lock is not needed, and another `dvc repro` may be writing it
-            for need in file.stages[address.rpartition(":")[2]].deps:
-                for key, value in _parameters_from(need, root).items():
-                    OmegaConf.update(seen, key, value, force_add=True)
-    except ConfigError:
-        raise
-    except Exception as error:  # DVC documents no complete list of what it raises on damaged files
-        raise ConfigError("DVC_STAGE", address, f"DVC cannot load this stage from {root}: {error}") from error
+    params, seen = plain(read_params(root)), OmegaConf.create()
+    declaration = one_of("DVC_STAGE", address.removeprefix("dvc.yaml:"), known_declarations(root))
+    for key in declaration["params"]:
+        value: Any = params
+        for name in key.split("."):
+            if not isinstance(value, dict) or name not in value:
+                raise ConfigError(key, None, "dvc.yaml declares it, but params.yaml does not have it")
+            value = value[name]
+        OmegaConf.update(seen, key, value, force_add=True)
+    for name in declaration["parts"]:
+        file = SHARED / f"{name}.yaml"
+        if not (root / file).exists():
+            raise ConfigError(name, str(file), "there is no such file; `dvc repro config` writes it")
+        seen[name] = read_yaml(root / file, partial(ConfigError, name, str(file)))
     seen.merge_with_dotlist([a.lstrip("+") for a in arguments if "=" in a and not a.startswith("-")])
     return seen
 
 
-def _parameters_from(need: Any, root: Path) -> dict[str, Any]:
-    """Return what a stage may read through a dependency: keys of params.yaml, a part of it, or nothing."""
+def known_declarations(root: Path) -> dict[str, dict[str, list[str]]]:
+    """Return `declarations` as they were found before, if no file has changed since."""
+    read = [file.read_bytes() for file in (root / "params.yaml", *pipelines(root)) if file.exists()]
+    checksum = hashlib.sha256(b"\0".join(read)).hexdigest()
+    with suppress(OSError, ValueError, LookupError):
+        found = json.loads((root / DECLARATIONS).read_text())
+        if found["checksum"] == checksum:
+            return cast(dict[str, dict[str, list[str]]], found["stages"])
+    stages = declarations(root)
+    write_json(root / DECLARATIONS, {"checksum": checksum, "stages": stages})
+    return stages
+
+
+def declarations(root: Path) -> dict[str, dict[str, list[str]]]:
+    """Return what each stage declares: keys of params.yaml, and names of `SHARED` parts that it depends on.
+
+    Args:
+        root: the project's folder.
+
+    Raises:
+        ConfigError: DVC cannot load a pipeline.
+    """
+    from dvc import dvcfile, repo  # takes 0.3 s to import; other stages do without
     from dvc.dependency import ParamsDependency
 
-    if isinstance(need, ParamsDependency):
-        values = need.read_params()
-        for key in need.params:
-            if key not in values:
-                raise ConfigError(key, None, "dvc.yaml declares it, but params.yaml does not have it")
-        return {key: values[key] for key in need.params}
-    shared = Path(need.def_path)
-    if shared.parent != SHARED:
-        return {}
-    if not (root / shared).exists():
-        raise ConfigError(shared.stem, str(shared), "there is no such file; `dvc repro config` writes it")
-    return {shared.stem: read_yaml(root / shared, partial(ConfigError, shared.stem, str(shared)))}
+    table: dict[str, dict[str, list[str]]] = {}
+    wording = partial(ConfigError, "dvc.yaml", str(root))
+    with translate_errors(wording), repo.Repo(str(root), uninitialized=True) as project:
+        for path in pipelines(root):
+            file = dvcfile.load_file(project, str(path))
+            file.lockfile_contents = {}  # it is not needed, and another command may be writing it
+            for name, each in file.stages.items():
+                keys = [key for dep in each.deps if isinstance(dep, ParamsDependency) for key in dep.params]
+                files = [Path(dep.def_path) for dep in each.deps if not isinstance(dep, ParamsDependency)]
+                parts = [file.stem for file in files if file.parent == SHARED]
+                prefix = "" if path.parent == root else f"{path.relative_to(root)}:"
+                table[prefix + name] = {"params": keys, "parts": parts}
+    return table
+
+
+def pipelines(root: Path) -> list[Path]:
+    """Return the files of a project that declare stages: the main one and those of studies."""
+    return [root / "dvc.yaml", *sorted(root.glob("studies/*/dvc.yaml"))]
 
 
 def composed(conf: Path, overrides: list[str]) -> str:

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
-from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureTable, extract_blocks
-from pedpred.settings import check_choice, check_mapping
+from pedpred.settings import In, Settings, check_choice
 from pedpred.simulation.worlds.sensing import SensingSettings
 from pedpred.simulation.worlds.settings import WorldSettings
 from pedpred.simulation.worlds.world import DRAWN_KINDS, simulate_world
@@ -20,21 +20,21 @@ from pedpred.tracking import follow
 
 
 @dataclass(frozen=True)
-class SequenceSets:
-    """Which worlds there are.
+class SequenceSets(Settings):
+    """Which simulated people there are.
 
     Attributes:
+        scenes: rows of conf/simulations, which are perceived as these say.
         worlds: kind of world -> number of worlds.
     """
 
-    worlds: Mapping[str, int]
+    scenes: tuple[str, ...]
+    worlds: Mapping[str, Annotated[int, In("[1, 1000000]")]]
 
     def __post_init__(self) -> None:
-        check_mapping("worlds", self.worlds)
-        for kind, count in self.worlds.items():
+        super().__post_init__()
+        for kind in self.worlds:
             check_choice("worlds", kind, DRAWN_KINDS)
-            if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= 1_000_000:
-                raise ValueRuleError(f"worlds.{kind}", count, "it must be a whole number in [1, 1000000]")
 
 
 def collect_world_steps(

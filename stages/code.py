@@ -1,6 +1,6 @@
-"""code: the files of the project that each stage's script imports, and each network, with what is in them.
+"""The files of the project that each stage's script imports, and each network, with what is in them.
 
-A stage depends on data/code/SCRIPT, and on data/code/methods/GROUP if it runs networks of that group, so that
+A stage depends on data/code/SCRIPT, and on data/code/models/ARCHITECTURE if it runs such a network, so that
 a change of the code makes those stages stale that run it. Comments, docstrings and blank lines do not count.
 """
 
@@ -10,20 +10,16 @@ import ast
 import hashlib
 import io
 import tokenize
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
 
-from omegaconf import DictConfig
-
-from pedpred.config import plain, stage
 from pedpred.files import write_text
 from pedpred.models import ARCHITECTURES
 
 ROOT = Path(__file__).resolve().parents[1]
 CODE = Path("data/code")
-"""A file for each script, and one in `methods` for each group of networks."""
+"""A file for each script, and one in `models` for each architecture."""
 
 _NAMES = ("arrays", "compiled", "config", "errors", "files", "lazy", "plain", "settings", "workers")
 UNRELATED = {ROOT / f"pedpred/{name}.py" for name in _NAMES}
@@ -139,31 +135,22 @@ def _comments(text: str) -> Iterator[Span]:
 
 def scripts() -> list[Path]:
     """Return the scripts of all other stages."""
-    others = (path for path in (ROOT / "stages").glob("*.py") if path != Path(__file__).resolve())
-    return sorted(path for path in others if "__main__" in path.read_text(encoding="utf-8"))
+    files = (ROOT / "stages").glob("*.py")
+    return sorted(
+        path for path in files if '\nif __name__ == "__main__":' in path.read_text(encoding="utf-8")
+    )
 
 
-def listings(methods: Mapping[str, Mapping[str, Any]]) -> dict[Path, list[Path]]:
-    """Return what is written: file -> the files that it lists.
-
-    Args:
-        methods: of params.yaml.
-    """
+def listings() -> dict[Path, list[Path]]:
+    """Return what is written: file -> the files that it lists."""
     files = {CODE / script.stem: files_of(script) for script in scripts()}
-    for group, rows in methods.items():
-        named = {(row.get("settings") or {}).get("architecture") for row in rows.values()}
-        modules = [path.rpartition(".")[0] for name, path in sorted(ARCHITECTURES.items()) if name in named]
-        if homes := [file for module in modules if (file := file_of(module))]:
-            files[CODE / "methods" / group] = files_of(*homes)
+    for name, architecture in ARCHITECTURES.items():
+        if home := file_of(architecture.settings.rpartition(".")[0]):
+            files[CODE / "models" / name] = files_of(home)
     return files
 
 
-@stage
-def main(cfg: DictConfig) -> None:
+def write_code() -> None:
     """Write data/code."""
-    for path, files in listings(plain(cfg.methods)).items():
+    for path, files in listings().items():
         write_text(path, "".join(f"{checksum(file)} {file.relative_to(ROOT)}\n" for file in files))
-
-
-if __name__ == "__main__":
-    main()

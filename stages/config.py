@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import functools
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
@@ -18,69 +19,62 @@ from omegaconf import DictConfig, OmegaConf
 
 from pedpred import config
 from pedpred.baselines.registry import baseline
-from pedpred.config import SETS, config_errors, configured, one_of, part, plain, read_params, row
+from pedpred.config import config_errors, configured, one_of, part, plain, read_params, row
 from pedpred.datasets.crops import CropSplit
 from pedpred.datasets.rows import EMBEDDED
 from pedpred.driving.trials import NO_WORLD
-from pedpred.driving.worlds import KINDS
-from pedpred.errors import ConfigError
+from pedpred.errors import ConfigError, PedpredError
 from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker
 from pedpred.files import write_text
 from pedpred.forecasting import MethodRow
 from pedpred.literature.settings import ComparisonSettings
+from pedpred.models import ARCHITECTURES
 from pedpred.models.features import FEATURES
 from pedpred.models.registry import parse_settings
-from pedpred.report.findings import Paper
+from pedpred.report.literature import read_published
 from pedpred.report.methods import Methods
-from pedpred.report.page.player import ReplaySettings
-from pedpred.scenes import VARIANTS
 from pedpred.sequences import SequenceSets
 from pedpred.settings import check_names, load, load_each, load_together
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.simulation.settings import SetUse, SimulationSettings, social_force_settings
-from pedpred.simulation.worlds import SensingSettings, WorldSettings
 from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
-from pedpred.sources import SETTINGS, SOURCES
+from pedpred.sources import SETTINGS
 from pedpred.sources.eth_ucy import EthUcySettings
-from pedpred.sources.mirrors import Mirrors
-from pedpred.training import AutoencoderSettings, InstantSettings
+from pedpred.training import AutoencoderSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
+from stages import eth_ucy
+from stages.code import write_code
 from stages.drive import trials_of
-from stages.features import features_of, kalman_of, protocol_of
-from stages.literature import comparison_of
+from stages.eth_ucy import MODELS, PHASES, comparison_of
+from stages.fetch import mirrors_of
+from stages.folds import trained_sets
+from stages.perception import features_of, kalman_of, protocol_of
+from stages.references import WHERE, Params, check_references, layout_names, method_names
+from stages.report import read_page, read_paper
 from stages.row_types import (
+    ExportRow,
     FoldRow,
     OnlineRows,
-    PageRows,
     PlaceRow,
-    PublishedRows,
     RecordingRows,
     Reference,
 )
-from stages.simulate import LAYOUTS, read_layouts
-from stages.train import GROUPS, PHASES, settings_of
-from stages.train_far import phase_of
+from stages.simulate import read_layouts
+from stages.train import NONE, networks_of, phase_of, training_of
 from stages.validate_simulation import flow_of
+from stages.worlds import worlds_of
 
 WITHOUT_VELOCITIES = ("eth_ucy", "ewap", "jupedsim")
 """Those of `SOURCES` whose recordings are positions alone."""
-SENSED = "simulated/worlds"
-"""Set of step sequences of worlds that a sensor sees; there are no scenes of it."""
 STUDIES = {"sim": False, "transfer": False, "real": True}
 """Groups of conf/folds, and whether their folds are trained."""
-TRAINED = ("models/main", "models/robot", "models/far")
-"""Folders of networks that belong to no fold."""
-METHODS = ("baselines", "networks", "memoryless")
+METHODS = ("baselines", "networks")
 """Groups of conf/methods."""
-READS = {"networks": "lstm", "memoryless": "mixture"}
-"""Groups of networks, and the row of conf/features whose inputs their training rows hold."""
 STAMP = "data/config.checked"
 """What rows have as their input that need no scenes."""
-Params = Mapping[str, Any]
-"""A whole configuration."""
 Check = Callable[[Params], object]
 """Makes the settings of a part."""
 
@@ -106,48 +100,30 @@ def _whole(group: str, *kinds: type) -> Check:
     return check_fields
 
 
-def _names(key: str, names: Iterable[str], known: Iterable[str]) -> None:
-    """Check that names exist."""
-    for name in names:
-        one_of(key, name, dict.fromkeys(known))
-
-
-def _use(cfg: Params, key: str, use: SetUse) -> None:
-    """Check that a row of simulations or places refers to rows and variants that exist."""
-    for name, group in {"tracker": "trackers", "sensor": "sensors", "social_force": "social_forces"}.items():
-        one_of(f"{key}.{name}", getattr(use, name), cfg[group])
-    _names(f"{key}.variants", use.variants, VARIANTS)
-
-
 def _simulation(cfg: Params, name: str) -> None:
     simulation = part(cfg, "simulations", name)
-    _names(f"simulations.{name}.drawn", SimulationSettings.parse(simulation).drawn, layout_names())
-    _use(cfg, f"simulations.{name}", load_together([SimulationSettings, SetUse], simulation)[1])
+    SimulationSettings.parse(simulation)
+    load_together([SimulationSettings, SetUse], simulation)
 
 
 def _place(cfg: Params, name: str) -> None:
     place, use = load_together([PlaceRow, SetUse], part(cfg, "places", name))
-    one_of(f"places.{name}.source", place.source, SOURCES)
     if place.source in SETTINGS:
         load(SETTINGS[place.source], place.settings, "settings")
-    _use(cfg, f"places.{name}", use)
     if place.source in WITHOUT_VELOCITIES and row(cfg, "trackers", use.tracker).get("kind") == "truth":
         rule = "true states need velocities, which these recordings do not have; choose a Kalman filter"
         raise ConfigError(f"places.{name}.tracker", use.tracker, rule)
 
 
 def _fold(cfg: Params, study: str) -> None:
-    one_of("folds", study, dict.fromkeys(STUDIES))
-    tested = [f"{kind}/{name}" for kind, rows in SETS.items() for name in part(cfg, rows)]
+    one_of("folds", study, STUDIES)
     by_others: dict[str, str] = {}
     for name, fold in load_each(FoldRow, folds := part(cfg, "folds", study)).items():
-        key = f"folds.{study}.{name}"
-        _names(f"{key}.test", fold.test, tested)
-        _names(f"{key}.train", fold.train, [*tested, SENSED])
+        key, trains = f"folds.{study}.{name}", trained_sets(vars(fold), part(cfg, "places"))
         if ("train" in folds[name]) != STUDIES[study]:
             rule = "a fold of this study needs it" if STUDIES[study] else f"folds of {study} are not trained"
             raise ConfigError(f"{key}.train", folds[name].get("train"), rule)
-        if both := sorted(set(fold.train) & set(fold.test)):
+        if both := sorted(set(trains) & set(fold.test)):
             raise ConfigError(f"{key}.train", both, "the same fold tests it")
         for at in fold.test:
             if at in by_others:
@@ -156,59 +132,66 @@ def _fold(cfg: Params, study: str) -> None:
 
 
 def _methods(cfg: Params) -> None:
-    _names("methods", part(cfg, "methods"), METHODS)
     for group in part(cfg, "methods"):
+        one_of("methods", group, dict.fromkeys(METHODS))
         for key, method in load_each(MethodRow, part(cfg, "methods", group), f"methods.{group}").items():
             with configured(f"methods.{group}"):
-                if group != "baselines":
-                    with configured(f"methods.{group}.{key}.settings"):
-                        network = parse_settings(method.settings)
-                    _inputs(cfg, group, key, network.channels_read)
-                else:
+                if group == "baselines":
                     baseline(key, method.settings)
-    keys = _keys(cfg)
+                    continue
+                with configured(f"methods.{group}.{key}.settings"):
+                    network = parse_settings(method.settings)
+                _inputs(cfg, key, network.channels_read)
+    keys = method_names(cfg)
     if twice := sorted({key for key in keys if keys.count(key) > 1}):
         raise ConfigError("methods", twice, "a name must be that of one row")
 
 
-def _inputs(cfg: Params, group: str, key: str, read: Iterable[str]) -> None:
-    """Check that the training rows of a group hold what a network reads."""
-    features = features_of(cfg, READS[group])
+def _inputs(cfg: Params, key: str, read: Iterable[str]) -> None:
+    """Check that training rows hold what a network reads."""
+    architecture = cfg["methods"]["networks"][key]["settings"]["architecture"]
+    features = features_of(cfg, ARCHITECTURES[architecture].features)
     columns = {name: np.zeros((0, *column.shape)) for name, column in features.columns().items()}
-    held = {*features.channels({"state": np.zeros((0, 2)), **columns})}
-    held |= {EMBEDDED} if group == "networks" else set()
+    held = {*features.channels({"state": np.zeros((0, 2)), **columns}), EMBEDDED}
     if missing := sorted(set(read) - held):
-        architecture = cfg["methods"][group][key]["settings"]["architecture"]
-        trained = f"networks of {group} are trained on {', '.join(sorted(held))}"
-        rule = f"it reads {', '.join(missing)}, but {trained}"
-        raise ConfigError(f"methods.{group}.{key}.settings.architecture", architecture, rule)
+        rule = f"it reads {', '.join(missing)}, but its training rows hold {', '.join(sorted(held))}"
+        raise ConfigError(f"methods.networks.{key}.settings.architecture", architecture, rule)
 
 
-def _keys(cfg: Params) -> list[str]:
-    """Names of all methods."""
-    return [key for rows in cfg["methods"].values() for key in rows]
+def _trainings(cfg: Params) -> None:
+    """Check that each training starts from what another one of its architecture writes."""
+    rows = {name: training_of(cfg, name) for name in part(cfg, "trainings")}
+    written = {f"models/{name}": it.architecture for name, it in rows.items()}
+    for name, it in rows.items():
+        if it.previous not in (NONE, it.encoder) and written.get(it.previous) != it.architecture:
+            rule = f"no row of trainings writes networks of architecture {it.architecture} there"
+            raise ConfigError(f"trainings.{name}.previous", it.previous, rule)
 
 
-def _networks(cfg: Params) -> list[str]:
-    """Names of all networks."""
-    return [key for group, rows in cfg["methods"].items() if group != "baselines" for key in rows]
+def weights_of(cfg: Params, network: str) -> list[str]:
+    """Checkpoints of a network that trainings write."""
+    weights = [f"{MODELS}/worlds/{name}" for name in cfg["literature"]["networks"] if name == network]
+    for name, it in ((name, training_of(cfg, name)) for name in cfg["trainings"]):
+        if network in networks_of(cfg, it.architecture):
+            folds = cfg["folds"][it.folds] if it.folds else [""]
+            weights += [f"models/{name}/{network}/{fold}".rstrip("/") for fold in folds]
+    return weights
+
+
+def _exports(cfg: Params, group: str) -> None:
+    """Check the rows `exports` of a part."""
+    with configured(f"{group}.exports"):
+        rows = load_each(ExportRow, part(cfg, group).get("exports", {}))
+    for name, export in rows.items():
+        kalman_of(cfg, export.tracker)
+        weights = dict.fromkeys(weights_of(cfg, export.network))
+        one_of(f"{group}.exports.{name}.weights", export.weights, weights)
 
 
 def _online(cfg: Params) -> None:
     with configured("online"):
-        _, rows = load_together([Following, OnlineRows], part(cfg, "online"))
-    for name, export in rows.exports.items():
-        kalman_of(cfg, export.tracker)
-        _names(f"online.exports.{name}.network", [export.network], _networks(cfg))
-        folders = [*TRAINED, *(f"models/folds/{fold}" for fold in cfg["folds"]["real"])]
-        _names(f"online.exports.{name}.networks", [export.networks], folders)
-    for name, promise in rows.promises.items():
-        _names(f"online.promises.{name}.method", [promise.method], _keys(cfg))
-
-
-def layout_names() -> list[str]:
-    """Names of the drawn rooms."""
-    return sorted(file.stem for file in LAYOUTS.glob("*.yaml"))
+        load_together([Following, OnlineRows], part(cfg, "online"))
+    _exports(cfg, "online")
 
 
 def check_layouts(layouts: Params) -> None:
@@ -223,30 +206,25 @@ def check_layouts(layouts: Params) -> None:
 
 
 def _situations(cfg: Params) -> None:
-    kinds = {"rows": RowSettings, "real": ViewingSettings}
+    kinds = {"rows": RowSettings, "real": ViewingSettings, "simulated": None}
     for name in part(cfg, "situations"):
-        if name == "simulated":
-            with configured("situations.simulated"):
-                sets = load_each(SimulatedSet, part(cfg, "situations", name))
-            for key, chosen in sets.items():
-                if chosen.kind == "arrangement":
-                    _scenes(f"situations.simulated.{key}.input", chosen.input)
-        else:
+        if kind := one_of("situations", name, kinds):
             with configured(f"situations.{name}"):
-                load(one_of("situations", name, kinds), part(cfg, "situations", name))
+                load(kind, part(cfg, "situations", name))
+            continue
+        with configured("situations.simulated"):
+            sets = load_each(SimulatedSet, part(cfg, "situations", name))
+        for key, chosen in sets.items():
+            if chosen.kind == "arrangement":
+                _scenes(f"situations.simulated.{key}.input", chosen.input)
 
 
 def _training(cfg: Params) -> None:
     training = part(cfg, "training")
     with configured("training"):
-        load(DeviceSettings, {name: value for name, value in training.items() if name not in PHASES})
-    for phase in PHASES:
-        with configured(f"training.{phase}"):
-            settings, data = settings_of(phase, training[phase])
-        shares = getattr(settings, "shares", ())
-        _names(f"training.{phase}.shares", shares, cfg["situations"]["simulated"])
-        simulated = [f"simulated/{name}" for name in cfg["simulations"]]
-        _names(f"training.{phase}.sets", getattr(data, "sets", ()), [*simulated, SENSED])
+        load(DeviceSettings, {name: value for name, value in training.items() if name in WHERE})
+    for phase in training.keys() - WHERE:
+        phase_of(cfg, phase)
 
 
 def _features(cfg: Params) -> None:
@@ -258,13 +236,10 @@ def _features(cfg: Params) -> None:
 def _recording(cfg: Params) -> None:
     with configured("recording"):
         rows = load(RecordingRows, part(cfg, "recording"))
-    _names("recording.methods", [*rows.methods, rows.animation.method], _keys(cfg))
     for name, scene in rows.scenes.items():
         if scene.scene.rpartition("/")[2] != name:
             rule = "the row must have the name of the scene, as its files have"
             raise ConfigError(f"recording.scenes.{name}.scene", scene.scene, rule)
-        networks = ["main", *(f"folds/{fold}" for fold in cfg["folds"]["real"])]
-        _names(f"recording.scenes.{name}.networks", [scene.networks], networks)
 
 
 def _scenes(key: str, folder: str) -> None:
@@ -274,41 +249,24 @@ def _scenes(key: str, folder: str) -> None:
 
 
 def _driving(cfg: Params) -> None:
-    rows = part(cfg, "driving").get("places")
-    for name, place in rows.items() if isinstance(rows, Mapping) else ():
-        if isinstance(place, Mapping) and "world" in place:
-            one_of(f"driving.places.{name}.world", place["world"], dict.fromkeys((NO_WORLD, *KINDS)))
+    _exports(cfg, "driving")
     for name, place in trials_of(cfg).places.items():
-        models = [folder.removeprefix("models/online/") for folder in (place.model, place.lstm)]
-        _names(f"driving.places.{name}", models, [*cfg["online"]["exports"], "default"])
         if place.world == NO_WORLD:
             _scenes(f"driving.places.{name}.input", place.input)
 
 
-def _comparison(cfg: Params) -> None:
-    with configured("comparison"):
-        reference, _ = load_together([Reference, Resampling], part(cfg, "comparison"))
-    _names("comparison.reference", [reference.reference], cfg["methods"]["baselines"])
-
-
 def _report(cfg: Params) -> None:
-    parts = dict.fromkeys(("methods", "paper", "page", "published"))
-    _names("report", part(cfg, "report"), parts)
-    with configured("report"):
-        Methods.parse(part(cfg, "report", "methods"), cfg["comparison"]["reference"])
-        load(PublishedRows, {"published": cfg["report"]["published"]})
-    with configured("report.paper"):
-        load(Paper, part(cfg, "report", "paper"))
-    with configured("report.page"):
-        rows, shown = load_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
-    _names("report.page.replays", rows.replays, cfg["folds"])
-    _names("report.page.methods", shown.methods, _keys(cfg))
+    Methods.read(Path(), cfg["comparison"]["reference"])
+    read_published(Path())
+    read_paper()
+    for study in read_page()[0].replays:
+        one_of("conf/report/page.yaml, replays", study, STUDIES)
 
 
 def _literature(cfg: Params) -> None:
     literature = part(cfg, "literature")
     with configured("literature"):
-        names = [*(setting.name for setting in fields(ComparisonSettings)), *GROUPS]
+        names = [*(setting.name for setting in fields(ComparisonSettings)), "networks", "exports"]
         check_names(names, literature, "", f"there are {', '.join(names)}")
     with configured("literature.reader"):
         load(EthUcySettings, {**part(cfg, "literature", "reader"), "recording": ""})
@@ -320,26 +278,17 @@ def _literature(cfg: Params) -> None:
     comparison_of(cfg)
     with configured("literature"):
         kalman_of(cfg, cfg["literature"]["tracker"])
-    for group in GROUPS:
-        for name in part(cfg, "literature", group):
-            _names(f"literature.{group}", [name], cfg["methods"][group])
-            _trained_far(cfg, group, name)
-
-
-def _trained_far(cfg: Params, group: str, name: str) -> None:
-    """Check how a network of the comparison with the literature is trained."""
-    key, phases = f"literature.{group}.{name}", part(cfg, "literature", group, name)
-    if set(phases) != {"worlds", "recorded"}:
-        raise ConfigError(key, ", ".join(phases), "it must have worlds and recorded, nothing else")
-    for phase in phases:
-        settings, _ = phase_of(cfg, group, name, phase)
-        if isinstance(settings, InstantSettings):
-            shares = [name.removeprefix("simulated/") for name in settings.shares]
-            _names(f"{key}.{phase}.shares", shares, cfg["situations"]["simulated"])
+    for name in part(cfg, "literature", "networks"):
+        key, phases = f"literature.networks.{name}", part(cfg, "literature", "networks", name)
+        if set(phases) != set(PHASES):
+            raise ConfigError(key, ", ".join(phases), f"it must have {' and '.join(PHASES)}, nothing else")
+        for phase in phases:
+            eth_ucy.phase_of(cfg, name, phase)
+    _exports(cfg, "literature")
 
 
 PARTS: dict[str, Check] = {
-    "mirrors": _each("mirrors", lambda cfg, name: Mirrors.parse(name, part(cfg, "mirrors", name))),
+    "mirrors": lambda cfg: [mirrors_of(cfg, name) for name in part(cfg, "mirrors")],
     "trackers": _each("trackers", lambda cfg, name: parse_tracker(row(cfg, "trackers", name))),
     "sensors": _each("sensors", lambda cfg, name: load(SensorSettings, row(cfg, "sensors", name))),
     "social_forces": _each(
@@ -351,23 +300,28 @@ PARTS: dict[str, Check] = {
     "methods": _methods,
     "online": _online,
     "clutter": _whole("clutter", ClutterSettings),
-    "worlds": _whole("worlds", WorldSettings),
-    "sensing": _whole("sensing", SensingSettings),
+    "worlds": worlds_of,
     "situations": _situations,
     "sequences": _whole("sequences", SequenceSets),
     "protocol": protocol_of,
     "features": _features,
     "autoencoder": _whole("autoencoder", ThreadSettings, CropSplit, AutoencoderSettings),
     "training": _training,
+    "trainings": _trainings,
     "validation": flow_of,
     "evaluation": _whole("evaluation", MetricSettings),
-    "comparison": _comparison,
+    "comparison": _whole("comparison", Reference, Resampling),
     "recording": _recording,
     "driving": _driving,
     "literature": _literature,
-    "report": _report,
 }
 """Key of params.yaml -> what makes its settings, as stages do."""
+
+TABLES: tuple[Check, ...] = (
+    lambda cfg: check_layouts(read_layouts(layout_names())),
+    _report,
+)
+"""Checks of files of conf/ that are no part of params.yaml."""
 
 
 def check_parts(cfg: Params) -> None:
@@ -378,6 +332,7 @@ def check_parts(cfg: Params) -> None:
     """
     for name in cfg:
         one_of("params", str(name), PARTS)
+    check_references(cfg)
     for check in PARTS.values():
         check(cfg)
     for key in NAMED:
@@ -387,14 +342,22 @@ def check_parts(cfg: Params) -> None:
 
 
 NAMED = (
-    *("mirrors", "simulations", "places", "situations.simulated", "online.exports", "recording.scenes"),
+    *(
+        "mirrors",
+        "simulations",
+        "places",
+        "trainings",
+        "situations.simulated",
+        "online.exports",
+        "recording.scenes",
+    ),
     *("driving.places", "literature.folds"),
     *(f"methods.{group}" for group in METHODS),
     *(f"folds.{study}" for study in STUDIES),
 )
 """Rows whose names are part of stages, commands and folders."""
 
-SHARED_PARTS = ("places", "sensing", "sensors", "trackers", "worlds")
+SHARED_PARTS = ("places", "sensors", "trackers")
 """Keys of params.yaml whose values other stages read from files."""
 
 
@@ -405,15 +368,22 @@ def write_shared(params: DictConfig, root: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Check params.yaml and the drawn rooms, and write data/config.checked and data/config."""
+    """Check params.yaml and the drawn rooms, and write data/config.checked, data/config and data/code."""
     usage = "python -m stages.config\nChange values in conf/, or for one run: dvc exp run -S KEY=VALUE"
     argparse.ArgumentParser(usage=usage, description=main.__doc__).parse_args(arguments)
     with config_errors():
         params = read_params(Path())
-        check_parts(plain(params))
-        check_layouts(read_layouts(layout_names()))
+        try:
+            check_parts(plain(params))
+            for check in TABLES:
+                check(plain(params))
+        except PedpredError:
+            if "DVC_EXP_NAME" in os.environ:  # `dvc exp run -S` has written a wrong value into params.yaml
+                config.main([])
+            raise
         config.main(["--check", "--stamp", STAMP])
         write_shared(params, Path())
+        write_code()
 
 
 if __name__ == "__main__":

@@ -15,11 +15,12 @@ from pedpred.workers import in_parallel
 def trials_of(cfg: Mapping[str, Any]) -> TrialSettings:
     """Read which drives are done."""
     with configured("driving"):
-        settings: TrialSettings = load(TrialSettings, part(cfg, "driving"))
+        values = {key: value for key, value in part(cfg, "driving").items() if key != "exports"}
+        settings: TrialSettings = load(TrialSettings, values)
     return settings
 
 
-@stage
+@stage("name")
 def main(cfg: DictConfig) -> None:
     """Write data/drives/<name> and reports/metrics/driving/<name>.json, several episodes at once."""
     name, settings, out = stage_key(cfg), trials_of(cfg), Path(cfg.get("out", "."))

@@ -12,18 +12,23 @@ from pedpred.models.lstm.encoding import load_encoder
 from pedpred.models.registry import describe_network, load_format, load_network
 from pedpred.online.network import ModelDescription, write_description
 from pedpred.settings import load
-from stages.features import kalman_of
+from stages.perception import kalman_of
+
+GROUPS = ("online", "driving", "literature")
+"""Parts of the configuration with rows `exports`."""
 
 
-@stage
+@stage("name")
 def main(cfg: DictConfig) -> None:
     """Read a network and, if it reads the grid, the encoder; write models/online/<name>."""
     name = stage_key(cfg)
-    out, about = Path(cfg.get("out", f"models/online/{name}")), one_of("name", name, cfg.online.exports)
+    tables = [cfg[group].exports for group in GROUPS if group in cfg and "exports" in cfg[group]]
+    rows = {key: row for table in tables for key, row in table.items()}
+    out, about = Path(cfg.get("out", f"models/online/{name}")), one_of("name", name, rows)
     kalman = kalman_of(cfg, about.tracker)
     with configured("online"):
         how = load(Following, {field.name: cfg.online[field.name] for field in fields(Following)})
-    checkpoint = Path(about.networks, about.network)
+    checkpoint = Path(about.weights)
     network, made_with = load_network(checkpoint), load_format(checkpoint)
     encoder = None
     if "grid" in network.settings.channels_read:
@@ -38,7 +43,9 @@ def main(cfg: DictConfig) -> None:
         standstill_mps=how.standstill_mps,
         learn_noise=how.learn_noise,
     )
-    origin = {"networks": about.networks, "method": about.network, "tracker": about.tracker}
+    origin = {"networks": str(checkpoint.parent), "method": about.network, "tracker": about.tracker}
+    if checkpoint.name != about.network:
+        origin["fold"] = checkpoint.name
     origin |= {"weights": "half precision", **describe_network(network, made_with)}
     write_description(out, description, origin)
 

@@ -1,11 +1,13 @@
 """gather@study: the figures of all methods at the test sets of a study."""
 
+import itertools
 from pathlib import Path
 
 from omegaconf import DictConfig
 
 from pedpred.config import configured, plain, stage, stage_key
 from pedpred.errors import ConfigError, InputError
+from pedpred.evaluation.forecasts import result_folders
 from pedpred.evaluation.scores import Resampling, Scores, read_scores
 from pedpred.evaluation.summary import summarise_test_set
 from pedpred.files import write_json
@@ -17,19 +19,18 @@ def scores_at(cfg: DictConfig, models: str, at: str) -> dict[str, dict[str, Scor
 
     Args:
         cfg: the configuration.
-        models: folder of the networks that are tested there, below data/scores.
+        models: whose weights are tested there: main, or a fold.
         at: the set, kind/name.
     """
     by_test: dict[str, dict[str, Scores]] = {}
-    for group, rows in cfg.methods.items():
-        for method in rows:
-            folder = Path("data/scores", "baselines" if group == "baselines" else models, method, at)
-            for path in sorted(folder.glob("*.parquet")):
+    for method in itertools.chain(*cfg.methods.values()):
+        for folder in result_folders(Path("data/scores"), method, models):
+            for path in sorted((folder / at).glob("*.parquet")):
                 by_test.setdefault(path.stem, {})[method] = read_scores(path)
     return by_test
 
 
-@stage
+@stage("name")
 def main(cfg: DictConfig) -> None:
     """Read data/scores, write reports/metrics/<study>.json in the order of conf/folds.
 
@@ -45,7 +46,7 @@ def main(cfg: DictConfig) -> None:
     gathered: dict = {}
     errors_m: dict = {}
     for name, fold in cfg.folds[study].items():
-        models = f"folds/{name}" if "train" in fold else "main"
+        models = name if "train" in fold else "main"
         for at in fold.test:
             key, scores = at.split("/")[1], scores_at(cfg, models, at)
             if any(reference not in of_methods for of_methods in scores.values()):

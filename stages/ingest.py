@@ -12,7 +12,7 @@ from pedpred.sources.mirrors import NOTE
 from pedpred.storage.scenes import write_scene
 
 
-@stage
+@stage("name")
 def main(cfg: DictConfig) -> None:
     """Write data/scenes/real/<name>."""
     name = stage_key(cfg)

@@ -19,14 +19,14 @@ from pedpred.training.loop import scratch_folder, train
 from pedpred.training.pretraining import AutoencoderLearner, AutoencoderSettings
 
 
-@stage
+@stage("curve")
 def main(cfg: DictConfig) -> None:
-    """Read data/features/simulated/main, write models/autoencoder and its curve."""
+    """Read data/rows/lstm/simulated/main, write models/autoencoder and its curve."""
     options = plain(cfg.autoencoder)
     with configured("autoencoder"):
         threads, split, settings = load_together([ThreadSettings, CropSplit, AutoencoderSettings], options)
     torch.set_num_threads(threads.threads)
-    features = Path("data/features/simulated/main")
+    features = Path("data/rows/lstm/simulated/main")
     with configured("autoencoder"):
         training, validation, cells = crops_of(features, split, np.random.default_rng(settings.seed))
     about = {"kind": "autoencoder", "settings": asdict(settings), "cells": cells}

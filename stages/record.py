@@ -5,7 +5,7 @@ from pathlib import Path
 from matplotlib.colors import to_rgb
 from omegaconf import DictConfig
 
-from pedpred.config import configured, part, plain, stage
+from pedpred.config import configured, plain, stage
 from pedpred.evaluation.forecasts import read_forecasts
 from pedpred.report.animation import Animation, write_animation
 from pedpred.report.methods import Methods
@@ -15,7 +15,7 @@ from pedpred.settings import load
 from pedpred.storage.scenes import read_scene
 
 
-@stage
+@stage("scene", "networks")
 def main(cfg: DictConfig) -> None:
     """Write data/recordings/<scene>.mcap, its Foxglove layout and reports/walking/<scene>.gif.
 
@@ -27,7 +27,7 @@ def main(cfg: DictConfig) -> None:
     asked = dict.fromkeys([*options.methods, options.animation.method])
     windows = read_forecasts(Path(), cfg.networks, at, asked, scene.name).get(scene.name)
     recording = root / "data/recordings" / scene.name
-    methods = Methods.parse(part(cfg, "report", "methods"), cfg.comparison.reference)
+    methods = Methods.read(Path(), cfg.comparison.reference)
     shown = {name: to_rgb(methods[name].colour) for name in methods.ordered(options.methods)}
     with configured("recording.animation"):
         animation = load(Animation, plain(options.animation))

@@ -2,15 +2,15 @@
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from omegaconf import DictConfig
 
-from pedpred.config import configured, part, plain, stage
+from pedpred.config import configured, plain, read_table, stage
 from pedpred.files import write_text
 from pedpred.report.ablation import ablation_sections
 from pedpred.report.comparison import metrics_now
 from pedpred.report.document import Section, join_pages, write_pictures
-from pedpred.report.drives import drives_section, read_shown
 from pedpred.report.error_plots import horizon_table
 from pedpred.report.findings import Paper
 from pedpred.report.gallery import draw_gallery
@@ -19,11 +19,12 @@ from pedpred.report.methods import Methods
 from pedpred.report.page.build import Contents, render_page
 from pedpred.report.page.player import Replay, ReplaySettings, replay
 from pedpred.report.places import places_section
-from pedpred.report.results import results_frame
 from pedpred.report.simulation_page import flow_section
 from pedpred.settings import load, load_together
+from stages.folds import trained_sets
 from stages.row_types import PageRows
 
+REPORT = Path("conf/report")
 PAGES = ("sim", "real")
 """Studies with a page of their own; the others are compared with these."""
 
@@ -47,25 +48,34 @@ def replays_of(
     return [replay(*one, shown, methods) for one in tested]
 
 
-def drives_of(places: Iterable[str]) -> Section:
-    """Read what is known of drives at rows of conf/driving; a section without blocks where nobody drove.
-
-    Files of a row that was taken out stay until somebody deletes them.
-    """
-    known, drives = metrics_now(Path("reports/metrics/driving")), Path("data/drives")
-    driven = [name for name in sorted(places) if known.get(name) and (drives / name).exists()]
-    return drives_section({name: (known[name], read_shown(drives / name)) for name in driven})
+def read_paper() -> Paper:
+    """Read what the publication reports and leads to expect."""
+    with configured("conf/report/paper.yaml"):
+        return load(Paper, read_table(REPORT / "paper.yaml"))
 
 
-@stage
+def read_page() -> tuple[PageRows, ReplaySettings]:
+    """Read what the page replays."""
+    with configured("conf/report/page.yaml"):
+        rows, shown = load_together([PageRows, ReplaySettings], read_table(REPORT / "page.yaml"))
+    return rows, shown
+
+
+def expanded(folds: Mapping[str, Any], places: Iterable[str]) -> dict[str, Any]:
+    """Folds with the names of the sets that they train on."""
+    places = list(places)
+    return {
+        name: {**fold, "train": trained_sets(fold, places)} if "train" in fold else fold
+        for name, fold in folds.items()
+    }
+
+
+@stage()
 def main(cfg: DictConfig) -> None:
     """Gather what the other stages wrote, draw every picture once, write all pages below `out`."""
     out, figures = Path(cfg.get("out", "reports")), metrics_now(Path("reports/metrics"))
-    methods = Methods.parse(part(cfg, "report", "methods"), cfg.comparison.reference)
-    paper = load(Paper, part(cfg, "report", "paper"))
-    with configured("report.page"):
-        page, shown = load_together([PageRows, ReplaySettings], part(cfg, "report", "page"))
-    studies = {name: plain(folds) for name, folds in cfg.folds.items()}
+    methods, paper, (page, shown) = Methods.read(Path(), cfg.comparison.reference), read_paper(), read_page()
+    studies = {name: expanded(plain(folds), cfg.places) for name, folds in cfg.folds.items()}
     evaluated = {study: gather(study, folds) for study, folds in studies.items()}
     pages = {study: evaluated[study] for study in PAGES if study in evaluated}
     galleries = {study: draw_gallery(results, methods) for study, results in pages.items()}
@@ -74,11 +84,8 @@ def main(cfg: DictConfig) -> None:
     places = places_section(list(evaluated.values()), methods)
     write_pictures(places, out / "places")
     texts = [(out / f"{study}.md").read_text() for study in pages]
-    drives = drives_of(cfg.driving.places)
-    write_pictures(drives, out / "drives")
-    driven = [drives.markdown("drives")] if drives.blocks else []
     walking = Path("reports/simulation.md").read_text()
-    write_text(out / "report.md", join_pages([places.markdown("places"), *texts, *driven, walking]))
+    write_text(out / "report.md", join_pages([places.markdown("places"), *texts, walking]))
     ablations = ablation_sections(Path("conf/ablations"), Path("reports/ablations"), methods)
     contents = Contents(
         evaluated=list(pages.values()),
@@ -88,11 +95,8 @@ def main(cfg: DictConfig) -> None:
         paper=paper,
         avif_speed=page.avif_speed,
         further=[Section("Ablations", ablations), flow_section(figures["walking"]["corridor_flow"])],
-        literature=results_frame({"literature": figures.get("literature")}),
-        published=plain(cfg.report)["published"],
         latency=figures.get("latency", {}).get("updates", []),
         places=places.blocks,
-        drives=[drives] if drives.blocks else [],
     )
     if any(contents.results for contents in pages.values()):
         write_text(out / "index.html", render_page(contents))

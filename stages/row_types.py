@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pedpred.report.animation import Animation
-from pedpred.settings import In, Range, Settings
+from pedpred.settings import In, Settings
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class PlaceRow(Settings):
 
 @dataclass(frozen=True)
 class FoldRow(Settings):
-    """Sets that a fold trains on and tests."""
+    """Sets that a fold trains on and tests; in `train` a word may stand for some (`stages.folds`)."""
 
     test: tuple[str, ...]
     train: tuple[str, ...] = ()
@@ -31,8 +31,8 @@ class FoldRow(Settings):
 class ExportRow(Settings):
     """A network as a model folder."""
 
-    networks: str
     network: str
+    weights: str
     tracker: str
 
 
@@ -45,7 +45,7 @@ class PromiseRow(Settings):
 
 
 @dataclass(frozen=True)
-class OnlineRows:
+class OnlineRows(Settings):
     """What is exported, and what is promised of it."""
 
     exports: Mapping[str, ExportRow]
@@ -87,27 +87,3 @@ class PageRows(Settings):
 
     replays: Mapping[str, Sequence[str]]
     avif_speed: Annotated[int, In("[0, 10]")]
-
-
-@dataclass(frozen=True)
-class PublishedRow(Settings):
-    """Errors that others published under the protocol of `pedpred.literature`.
-
-    Attributes:
-        name: of their method.
-        samples: number of forecasts the best of which counts.
-        errors_m: scene, or "mean" of all five -> (ADE, FDE).
-        remark: how theirs was measured.
-    """
-
-    name: str
-    samples: Annotated[int, In("[1, 1000]")]
-    errors_m: Mapping[str, Annotated[Range, In("(0, 1000]")]]
-    remark: str = ""
-
-
-@dataclass(frozen=True)
-class PublishedRows:
-    """What others published."""
-
-    published: Sequence[PublishedRow]

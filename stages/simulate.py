@@ -38,7 +38,7 @@ def simulate_into(out: Path, arrangement: Arrangement, settings: SocialForceSett
     write_scene(simulate_arrangement(arrangement, settings), out / arrangement.name)
 
 
-@stage
+@stage("name")
 def main(cfg: DictConfig) -> None:
     """Write data/scenes/simulated/<name>, several arrangements at once (see `pedpred.workers`)."""
     key = stage_key(cfg)

@@ -34,7 +34,7 @@ def flow_of(cfg: Mapping[str, Any]) -> tuple[FlowSettings, SocialForceSettings]:
         return settings, social_force_settings(row(cfg, "social_forces", forces.social_force))
 
 
-@stage
+@stage()
 def main(cfg: DictConfig) -> None:
     """Write reports/metrics/walking.json and the page reports/simulation.md with its pictures."""
     out = Path(cfg.get("out") or "reports")

@@ -21,7 +21,11 @@ from tests.exported import write_autoencoder
 from tests.toys import architecture, metric, source
 from tests.trust.project import done
 
-PARAMS = read("params.yaml")
+PARAMS, WORLDS, SENSING = (
+    read("params.yaml"),
+    read("conf/worlds/varied.yaml"),
+    read("conf/sensing/varied.yaml"),
+)
 PLACE = {"source": "toy", "folder": "data/raw/toy", "settings": {"dt_s": 0.4}, "variants": []}
 PLACE = next(iter(PARAMS["places"].values())) | PLACE
 FOLD = {"train": ["real/toy"], "test": ["real/toy"]}
@@ -44,27 +48,34 @@ WORLD = {
     "true_rows": 0,
     "true_share": 0.0,
 }
+TRAININGS = """
+toy_main:
+  {architecture: toy, phase: corridor, rows: data/rows/lstm/simulated, embeddings: data/embeddings/simulated,
+   encoder: models/autoencoder, previous: data/config.checked, curves: reports/curves/sim/toy_main}
+toy_folds:
+  {architecture: toy, phase: finetune, folds: real, rows: data/rows/lstm, embeddings: data/embeddings,
+   encoder: models/autoencoder, previous: models/toy_main, curves: reports/curves/real/toy_folds}
+"""
 SHOWN = {"label": "Toy network", "colour": "#123456", "role": "network"}
 SMALL = [f"training.{p}.{k}" for p in ("corridor", "finetune") for k in ("steps=8", "validate_every=4")]
 SMALL += ["training.corridor.sets=[real/toy]"]
 OTHERS = [f"~folds.real.{fold}" for fold in PARAMS["folds"]["real"]]
-LEARNED = [f"{group}.{name}" for group in ("networks", "memoryless") for name in PARAMS["methods"][group]]
-OTHERS += [f"methods.{name}.where=[]" for name in LEARNED]
+OTHERS += [f"methods.networks.{name}.where=[]" for name in PARAMS["methods"]["networks"]]
 OTHERS += ["~folds.sim", "~folds.transfer"]
-OTHERS += ["~report.methods.mixture", "~report.methods.mixture_small"]
-OTHERS += [f"+report.methods.toy={{label: {SHOWN['label']}, colour: '{SHOWN['colour']}', role: network}}"]
-EXPORT = f"networks: models/folds/toy, network: toy, tracker: {PLACE['tracker']}"
+OTHERS += [f"~places.{name}" for name in PARAMS["places"]]
+OTHERS += [f"~situations.simulated.{name}" for name in PARAMS["situations"]["simulated"]]
+EXPORT = f"network: toy, weights: models/toy_folds/toy/toy, tracker: {PLACE['tracker']}"
 OTHERS += [f"+online.exports.toy={{{EXPORT}}}"]
 TOY = {"name": "toy"}
 RUNS = [
     ("fetch", TOY),
     ("ingest", TOY),
-    ("features", TOY | {"kind": "real"}),
-    ("situations", TOY | {"kind": "simulated"}),
-    ("train", TOY | {"phase": "corridor", "out": "models/main/toy"}),
-    ("train", TOY | {"phase": "finetune", "fold": "toy"}),
-    *(("evaluate_baseline", {"name": name}) for name in ("cv", "kalman_cv", "again")),
-    ("evaluate", TOY | {"networks": "folds/toy"}),
+    ("rows", {"name": "lstm", "kind": "real"}),
+    ("rows", {"name": "mixture", "kind": "simulated"}),
+    ("train", {"name": "toy_main"}),
+    ("train", {"name": "toy_folds", "fold": "toy"}),
+    *(("evaluate", {"name": name, "weights": "baselines"}) for name in ("cv", "kalman_cv", "again")),
+    ("evaluate", {"name": "toy", "weights": "folds"}),
     ("gather", {"name": "real"}),
     ("report", {}),
     ("export", TOY),
@@ -138,8 +149,9 @@ def additions():
             "pedpred/models/toy.py": {"": inspect.getsource(architecture)},
             "conf/methods/networks.yaml": {"": f"toy: {json.dumps(NETWORK)}"},
             "pedpred/models/__init__.py": {
-                "ARCHITECTURES =": '    "toy": "pedpred.models.toy.ToySettings",',
+                "ARCHITECTURES =": '    "toy": Architecture("pedpred.models.toy.ToySettings", "lstm"),',
             },
+            "conf/trainings/curriculum.yaml": {"": TRAININGS},
         },
         "input channel of the LSTM": {
             "pedpred/models/contract.py": {
@@ -161,7 +173,7 @@ def additions():
                 "from pedpred.scenes": "from pedpred.sources import toy",
                 "SOURCES:": '    "toy": toy.read_people,',
             },
-            "conf/config.yaml": {"  - _self_": "  - mirrors@mirrors.toy: toy"},
+            "conf/config.yaml": {"mirrors:": "  toy: conf/mirrors/toy.yaml"},
         },
         "place": {"conf/places/recorded.yaml": {"": f"toy: {json.dumps(PLACE)}"}},
         "method row": {"conf/methods/baselines.yaml": {"": f"again: {json.dumps(METHOD)}"}},
@@ -176,12 +188,11 @@ def additions():
                 after: toy,
                 "    warm_up_s:": "    toy: ToySettings",
             },
-            "conf/worlds/varied.yaml": {"": f"toy: {json.dumps(PARAMS['worlds']['bottleneck'])}"},
-            "conf/sensing/varied.yaml": {
-                "views:": f"  toy: {json.dumps(PARAMS['sensing']['views']['bottleneck'])}"
-            },
+            "conf/worlds/varied.yaml": {"": f"toy: {json.dumps(WORLDS['bottleneck'])}"},
+            "conf/sensing/varied.yaml": {"views:": f"  toy: {json.dumps(SENSING['views']['bottleneck'])}"},
             "conf/situations/varied.yaml": {"simulated:": f"  toy: {json.dumps(WORLD)}"},
         },
+        "label and colour": {"conf/report/methods.yaml": {"": f"toy: {json.dumps(SHOWN)}"}},
         "fold": {"conf/folds/leave_one_out.yaml": {"real:": f"  toy: {json.dumps(FOLD)}"}},
     }
 
@@ -224,8 +235,6 @@ def reproduced(project):
     (folder / "mirror").mkdir()
     (folder / "mirror/people.txt").write_text(people())
     write_autoencoder(folder / "models/autoencoder")
-    (folder / "data/features/simulated").mkdir(parents=True)
-    (folder / "data/features/simulated/main").symlink_to("../real/toy")  # an export reads their sizes
     asked = json.dumps([["scale=smoke", *SMALL, *OTHERS], RUNS])
     said = run(folder, sys.executable, "-c", STAGES + ROBOT, asked)
     return folder, json.loads(said.splitlines()[-1])
@@ -255,12 +264,18 @@ def test_the_table_of_what_to_add_names_files_that_exist():
 @pytest.mark.parametrize(
     "kind",
     [
-        *("fetch", "ingest", "features_real", "encode_real", "situations_simulated"),
-        *("train_main", "evaluate_main"),
+        *(
+            "fetch@toy",
+            "ingest@toy",
+            "evaluate@toy",
+            "train@toy_main",
+            "train@toy_folds",
+            "evaluate_baseline@again",
+        ),
     ],
 )
 def test_an_addition_has_its_stages(project, kind):
-    assert config.declared(project[0], f"{kind}@toy", []) is not None
+    assert config.declared(project[0], kind, []) is not None
 
 
 def test_a_new_channel_may_be_read_by_the_recurrent_network(project):
@@ -268,13 +283,15 @@ def test_a_new_channel_may_be_read_by_the_recurrent_network(project):
 
 
 def test_a_new_kind_of_world_is_simulated(reproduced):
-    shards = [path.stem for path in (reproduced[0] / "data/situations/simulated/toy").glob("*.parquet")]
+    shards = [path.stem for path in (reproduced[0] / "data/rows/mixture/simulated/toy").glob("*.parquet")]
     assert shards == ["toy_000"]
 
 
 def test_a_new_network_is_trained_and_evaluated_with_all_its_modes(reproduced):
     folder, _ = reproduced
-    before, after = (read_checkpoint(folder / "models" / name / "toy") for name in ("main", "folds/toy"))
+    before, after = (
+        read_checkpoint(folder / "models" / name) for name in ("toy_main/toy", "toy_folds/toy/toy")
+    )
     assert not np.array_equal(before[0]["out.weight"], after[0]["out.weight"])
     assert before[0]["read.weight"].shape == (6, 3), "it reads the velocity and the new channel"
     windows = read_windows(folder / "data/forecasts/folds/toy/toy/real/toy/toy.parquet")

@@ -6,6 +6,9 @@ from itertools import pairwise
 
 import pytest
 
+from stages.config import weights_of
+from stages.export import GROUPS as EXPORTING
+from stages.folds import trained_sets
 from tests.configuration import composed, read
 from tests.conftest import ROOT
 
@@ -30,7 +33,8 @@ def test_each_place_is_left_out_once_and_tested_by_the_simulations_network_too(p
     for name, fold in folds["real"].items():
         own = SITES.get(name.removeprefix("without_"), [name.removeprefix("without_")])
         assert [f"real/{place}" for place in own] == fold["test"]
-        real = [entry for entry in fold["train"] if entry != "simulated/worlds"]
+        trained = trained_sets(fold, composed()["places"])
+        real = [entry for entry in trained if entry != "simulated/worlds"]
         assert sorted(real + fold["test"]) == sorted(transfer["test"])
 
 
@@ -45,12 +49,10 @@ def test_by_default_all_places_are_tested():
 )
 def test_robots_drive_with_networks_that_some_fold_trains(overrides):
     params = composed(*overrides)
-    trained = {"models/robot", "models/main", "models/far"} | {
-        f"models/folds/{fold}" for fold in params["folds"]["real"]
-    }
-    exports = params["online"]["exports"]
+    exports = {name: row for group in EXPORTING for name, row in params[group]["exports"].items()}
     if not any(override.startswith("~") for override in overrides):
-        assert {row["networks"] for row in exports.values()} <= trained
+        for row in exports.values():
+            assert row["weights"] in weights_of(params, row["network"])
     for row in params["driving"]["places"].values():
         assert {row["model"], row["lstm"]} <= {f"models/online/{name}" for name in exports}
 

@@ -294,7 +294,9 @@ def test_unknown_channel_is_named():
 def test_a_class_that_a_package_exports_again_is_the_same_architecture(monkeypatch):
     package = SimpleNamespace(**vars(import_module("pedpred.models.lstm.network")))
     monkeypatch.setitem(sys.modules, "package", package)
-    monkeypatch.setitem(ARCHITECTURES, "lstm", "package.LstmSettings")
+    monkeypatch.setitem(
+        ARCHITECTURES, "lstm", ARCHITECTURES["lstm"]._replace(settings="package.LstmSettings")
+    )
     assert plain_settings(SMALL)["architecture"] == "lstm"
 
 

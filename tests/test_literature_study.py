@@ -23,16 +23,16 @@ from pedpred.literature.windows import find_windows, protocol_of, training_rows
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.encoding import encode
 from pedpred.models.mixture.features import MixtureFeatures
-from pedpred.report.literature import SCENES, literature_section
+from pedpred.report.literature import SCENES, literature_section, read_published
 from pedpred.report.methods import Methods
 from pedpred.report.results import results_frame
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
-from stages.gather_literature import figures_of
-from stages.literature import comparison_of
+from stages.eth_ucy import comparison_of
+from stages.eth_ucy_gather import figures_of
 from tests.configuration import read
-from tests.conftest import raw_folder
+from tests.conftest import ROOT, raw_folder
 from tests.exported import LSTM_ROWS, NETWORK, WIDTHS, forecaster_of
 from tests.worlds import empty_map
 
@@ -247,9 +247,9 @@ def test_coverage_is_that_of_all_seeds(tmp_path, monkeypatch):
     ]
     named = {STRONGEST: seeds[0], "lstm": mean_scores(seeds), "lstm_0": seeds[0], "lstm_1": seeds[1]}
     for name, each in named.items():
-        write_scores(each, Path("data/literature/a/a", name, "one.parquet"))
+        write_scores(each, Path("data/eth_ucy/scores/a/a", name, "one.parquet"))
     study = {"seeds": [0, 1], "folds": {"a": {"test": ["a"]}}, "scenes": {"a": ["one"]}}
-    study |= {"networks": ["lstm"], "memoryless": []}
+    study |= {"networks": ["lstm"]}
     figures = figures_of(OmegaConf.create({"literature": study}), "a", Resampling(bootstrap=10))["a"]["lstm"]
     assert [figures[f"per_step_coverage_{share}"] for share in (50, 90, 95)] == [[0.5, 0.5]] * 3
 
@@ -277,13 +277,11 @@ def test_no_fold_trains_on_what_it_tests():
 
 
 def test_the_tables_name_stricter_folds_and_average_whole_rows_alone():
-    methods = Methods.parse(PARAMS["report"]["methods"], PARAMS["comparison"]["reference"])
+    methods = Methods.read(ROOT, PARAMS["comparison"]["reference"])
     own = {"ade_m": 0.4, "fde_m": 0.8, "best_ade_m": 0.2, "best_fde_m": 0.3}
     figures = {scene: {"cv": {"ade_m": 0.5, "fde_m": 1.0}, "mixture": own} for scene in SCENES}
     figures["zara1_without_street"] = {"mixture": own | {"ade_m": 0.9}}
-    (section,) = literature_section(
-        results_frame({"literature": figures}), PARAMS["report"]["published"], methods
-    )
+    section = literature_section(results_frame({"literature": figures}), read_published(ROOT), methods)
     _, single, best = section.blocks
     rows = {row.cells[0].text: [cell.text for cell in row.cells] for row in single.rows}
     label = methods["mixture"].label
@@ -298,4 +296,4 @@ def test_the_tables_name_stricter_folds_and_average_whole_rows_alone():
     names = [row.cells[0].text for row in best.blocks[1].rows]
     assert sum(name.startswith(label) for name in names) == 2
     assert methods["cv"].label not in names
-    assert literature_section(results_frame({}), [], methods) == []
+    assert literature_section(results_frame({}), [], methods).blocks == []

@@ -18,7 +18,7 @@ from tests.disk import small_files
 from tests.trust import project
 from tests.trust.examples import make_recording
 from tests.trust.readers import READERS
-from tools import ablate, branches, compare, mend_lock
+from tools import ablate, compare, mend_lock
 
 SCENE = ROOT / "examples/crossing"
 NAMESPACE = ["unshare", "--mount", *([] if os.geteuid() == 0 else ["--map-root-user"])]
@@ -160,9 +160,9 @@ def archived(tmp_path_factory):
     folder = tmp_path_factory.mktemp("archived") / "pedpred"
     run(ROOT, ".ci/copy", str(folder))
     shutil.rmtree(folder / ".git")
-    (folder / "dvc.lock").unlink()
+    (folder / "dvc.lock").unlink(missing_ok=True)
     pipeline = yaml.safe_load((folder / "dvc.yaml").read_text())
-    first = {name: pipeline["stages"][name] for name in ("code", "config")}
+    first = {name: pipeline["stages"][name] for name in ("config", "fetch")}
     (folder / "dvc.yaml").write_text(yaml.safe_dump({"stages": first}))
     (folder / "build").mkdir()
     (folder / "build/scratch").write_text("ignored")
@@ -201,7 +201,6 @@ def inside(archived, monkeypatch):
 
 @pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
 def test_the_pipeline_runs_without_a_git_history(archived, inside):
-    assert "make setup" in inside(branches)
     run(archived, ".ci/history")
     assert "Running stage 'config'" in run(archived, "dvc", "repro", "config")
     mend_lock.main()

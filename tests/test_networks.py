@@ -10,7 +10,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
-from pedpred.models import ARCHITECTURES
+from pedpred.models import ARCHITECTURES, Architecture
 from pedpred.models.forecaster import NetworkForecaster
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.registry import load_network, parse_settings
@@ -29,7 +29,7 @@ MADE_WITH = dataclasses.replace(LSTM_ROWS, protocol=ForecastProtocol(horizon_ste
 @pytest.fixture
 def network(monkeypatch, tmp_path):
     """Trained for a moment, written and read."""
-    monkeypatch.setitem(ARCHITECTURES, "toy", f"{ToySettings.__module__}.ToySettings")
+    monkeypatch.setitem(ARCHITECTURES, "toy", Architecture(f"{ToySettings.__module__}.ToySettings", "lstm"))
     data = toy_data(np.random.default_rng(0))
     torch.manual_seed(0)
     toy = parse_settings({"architecture": "toy", "units": 6}).build(data.widths, data.horizon_steps)

@@ -60,17 +60,18 @@ def run(script, cfg, **given):
 def bring(project, name):
     """Bring a place as far as training."""
     run("ingest", project, name=name)
-    run("features", project, kind="real", name=name)
-    run("encode", project, rows=f"data/features/real/{name}", out=f"data/embeddings/real/{name}")
+    alone = project | {"places": {name: project["places"][name]}}
+    for features in project["features"]:
+        run("rows", alone, name=features, kind="real")
+    run("embed", project, rows="data/rows/lstm/real", out="data/embeddings/real")
 
 
-def evaluate(project, networks):
-    """Test the simple methods and the networks of a folder below models."""
-    for name in project["methods"]["baselines"]:
-        run("evaluate_baseline", project, name=name)
-    for group in ("networks", "memoryless"):
+def evaluate(project):
+    """Test all methods."""
+    for group, tested in {"baselines": ["baselines"], "networks": ["main", "folds"]}.items():
         for name in project["methods"][group]:
-            run("evaluate", project, name=name, networks=networks)
+            for weights in tested:
+                run("evaluate", project, name=name, weights=weights)
 
 
 def report(project):
@@ -117,13 +118,16 @@ def made(tmp_path_factory):
     torch.manual_seed(0)
     write_autoencoder(folder / "models/autoencoder")
     for name, method in params["methods"]["networks"].items():
-        network = parse_settings(method["settings"]).build(WIDTHS, params["protocol"]["horizon_steps"])
-        write_network(folder / "models/main" / name, network)
-    widths = widths_of(MIXTURE_ROWS.features)
-    for name, method in params["methods"]["memoryless"].items():
-        network = parse_settings(method["settings"] | {"units": 8}).build(widths, 10)
-        for trained in ("main", "folds/crossing", "folds/fold"):
-            write_network(folder / "models" / trained / name, network, MIXTURE_ROWS)
+        is_mixture = method["settings"]["architecture"] == "mixture"
+        settings = method["settings"] | ({"units": 8} if is_mixture else {})
+        widths = widths_of(MIXTURE_ROWS.features) if is_mixture else WIDTHS
+        network = parse_settings(settings).build(widths, params["protocol"]["horizon_steps"])
+        kind = method["settings"]["architecture"]
+        for trained in (
+            f"{kind}_main/{name}",
+            *(f"{kind}_folds/{name}/{fold}" for fold in ("crossing", "fold")),
+        ):
+            write_network(folder / "models" / trained, network, *([MIXTURE_ROWS] if is_mixture else []))
     return folder, params
 
 
@@ -158,11 +162,11 @@ def crossing(project, brought):
 def test_it_has_stages_of_its_own(made):
     """One of them as it reads its parameters; the others as DVC knows them, with keys that are there."""
     folder, params = made[0], OmegaConf.create(made[1])
-    assert config.declared(folder, "features_real@crossing", []).places.crossing.tracker == "kalman"
+    assert config.declared(folder, "ingest@crossing", []).places.crossing.source == "scene_folder"
     with Repo(str(folder), uninitialized=True) as project:
         known = load_file(project, str(folder / "dvc.yaml")).stages
-        for stage in ("ingest", "encode_real", "finetune@lstm", "evaluate_fold@lstm"):
-            for need in known[f"{stage}{'-' if '@' in stage else '@'}crossing"].deps:
+        for stage in ("ingest@crossing", "rows@lstm-real", "train@lstm_folds", "evaluate@lstm"):
+            for need in known[stage].deps:
                 for key in need.params if isinstance(need, ParamsDependency) else ():
                     assert OmegaConf.select(params, key, throw_on_missing=True) is not None
 
@@ -178,15 +182,14 @@ def test_it_flows_from_tracks_to_the_page(crossing, monkeypatch):
     """Every picture is composed, but only those of the page are painted, which takes most of the time."""
     monkeypatch.setattr("pedpred.report.document.write_png", lambda figure, path: None)
     project = crossing
-    run("train", project, name="lstm", phase="finetune", fold="trained")
-    assert Path("models/folds/trained/lstm/weights.safetensors").exists()
-    curve = pd.read_csv("reports/curves/real/finetune_trained_lstm.tsv", sep="\t")
+    run("train", project, name="lstm_folds", network="lstm", fold="trained")
+    assert Path("models/lstm_folds/lstm/trained/weights.safetensors").exists()
+    curve = pd.read_csv("reports/curves/real/lstm_folds/finetune_trained_lstm.tsv", sep="\t")
     assert curve["validation_ade_m"].notna().all()
-    for name in NETWORKS:
-        run("train", project, name=name, phase="finetune", fold="crossing")
+    run("train", project, name="lstm_folds", fold="crossing")
     del project["folds"]["real"]["trained"]
     project["folds"] = {"real": project["folds"]["real"]}
-    evaluate(project, "folds/crossing")
+    evaluate(project)
     run("gather", project, name="real")
     figures = json.loads(Path("reports/metrics/real.json").read_text())
     assert set(figures) == {"crossing"}
@@ -203,7 +206,9 @@ def test_simple_methods_are_tested_there_alone_as_the_page_says(project):
     Path("conf/folds/crossing.yaml").write_text(fold)
     for line in commands.splitlines():
         _, _, stage, *overrides = shlex.split(line, comments=True)
-        run(stage.removeprefix("stages."), yaml.safe_load(config.composed(Path("conf"), overrides)))
+        given = dict(one[1:].split("=") for one in overrides if one.startswith("+"))
+        text = config.composed(Path("conf"), [one for one in overrides if not one.startswith("+")])
+        run(stage.removeprefix("stages."), yaml.safe_load(text), **given)
     figures = json.loads(Path("build/crossing/metrics/real.json").read_text())
     assert set(figures["crossing"]) == {"kalman_cv", "cv"} <= project["methods"]["baselines"].keys()
 
@@ -211,7 +216,7 @@ def test_simple_methods_are_tested_there_alone_as_the_page_says(project):
 def test_figures_stay_while_nothing_is_evaluated(project):
     for stage, folder, arguments in (
         ("gather", f"data/scores/baselines/{project['comparison']['reference']}", {"name": "real"}),
-        ("gather_literature", f"data/literature/{next(iter(project['literature']['folds']))}", {}),
+        ("eth_ucy_gather", f"data/eth_ucy/scores/{next(iter(project['literature']['folds']))}", {}),
     ):
         with pytest.raises(InputError, match=f"^{folder}, scores: there are none"):
             run(stage, project, **arguments)
@@ -230,13 +235,12 @@ def test_training_goes_without_a_missing_place(crossing):
     missing(crossing, "eth")
     trained = {"other": ["crossing"], "missing": ["eth"], "both": ["eth", "crossing"]}
     crossing["folds"]["real"] = {
-        name: {"train": [f"real/{place}" for place in places]} for name, places in trained.items()
+        name: {"train": [f"real/{place}" for place in places], "test": []} for name, places in trained.items()
     }
-    for fold in trained:
-        run("train", crossing, name="lstm", phase="finetune", fold=fold)
+    run("train", crossing, name="lstm_folds", network="lstm")
     before, other, without, both = (
-        Path("models", folder, "lstm/weights.safetensors").read_bytes()
-        for folder in ("main", *(f"folds/{fold}" for fold in trained))
+        Path("models", folder, "weights.safetensors").read_bytes()
+        for folder in ("lstm_main/lstm", *(f"lstm_folds/lstm/{fold}" for fold in trained))
     )
     assert without == before
     assert both == other != before
@@ -249,10 +253,9 @@ def test_a_missing_place_is_in_no_result(project):
         "transfer": {"simulation": {"test": ["real/eth"]}},
         "real": {"fold": {"train": [], "test": ["real/eth"]}},
     }
-    for name in NETWORKS:
-        run("train", project, name=name, phase="finetune", fold="fold")
-    for study, networks in (("transfer", "main"), ("real", "folds/fold")):
-        evaluate(project, networks)
+    run("train", project, name="lstm_folds")
+    evaluate(project)
+    for study in ("transfer", "real"):
         run("gather", project, name=study)
         assert json.loads(Path(f"reports/metrics/{study}.json").read_text()) == {}
     report(project)
@@ -261,7 +264,7 @@ def test_a_missing_place_is_in_no_result(project):
     assert all(Path("reports", name).is_dir() for name in ("real", "horizon/real")), "DVC expects both"
     assert Path("reports/places").is_dir(), "DVC expects it"
     assert "| eth | no raw data of eth: the archive is down |" in Path("reports/report.md").read_text()
-    run("record", project, scene="real/eth", networks="folds/fold")
+    run("record", project, scene="real/eth", networks="fold")
     assert Path("data/recordings/eth.mcap").read_bytes().startswith(b"\x89MCAP")
     with Image.open("reports/walking/eth.gif") as picture:
         assert picture.n_frames == 1
@@ -277,9 +280,11 @@ def test_a_stand_in_flows_from_the_example_to_the_pages(project):
         "real": {"stand_in": project["folds"]["real"]["stand_in"]},
     }
     bring(project, place)
-    shutil.copytree("models/main", "models/folds/stand_in")
-    for study, networks in (("transfer", "main"), ("real", "folds/stand_in")):
-        evaluate(project, networks)
+    for name, row in project["methods"]["networks"].items():
+        kind = row["settings"]["architecture"]
+        shutil.copytree(f"models/{kind}_main/{name}", f"models/{kind}_folds/{name}/stand_in")
+    evaluate(project)
+    for study in ("transfer", "real"):
         run("gather", project, name=study)
     report(project)
     for name in ("real", "report"):
@@ -290,6 +295,6 @@ def test_a_stand_in_flows_from_the_example_to_the_pages(project):
         assert "Real" not in page
         assert "fine-tuned" not in page
     assert json.loads(Path("reports/metrics/real.json").read_text()).keys() == {place}
-    run("record", project, scene=f"real/{place}", networks="folds/stand_in")
+    run("record", project, scene=f"real/{place}", networks="stand_in")
     with Image.open(f"reports/walking/{place}.gif") as picture:
         assert picture.n_frames > 1

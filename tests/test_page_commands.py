@@ -29,13 +29,13 @@ from stages.config import check_parts
 from tests.configuration import composed, read, stages
 from tests.conftest import ROOT
 from tests.trust.project import done
-from tools import prose, staleness
+from tools import prose
 
 _SHOWN = [*prose.pages(ROOT), *sorted((ROOT / "ros").rglob("*.md"))]
 PAGES = {str(path.relative_to(ROOT)): path.read_text() for path in _SHOWN}
 COMMANDS_IN = {"sh": "", "bash": "", "console": "$ "}
 """Language of a block with commands -> what they begin with; other lines are what they print."""
-OTHERS = {"bibtex", "python", "text", "yaml"}
+OTHERS = {"bibtex", "mermaid", "python", "text", "yaml"}
 """Languages of the blocks without commands."""
 PLACE = "eth"
 """Stands for <name> where a command asks for a place; it has the people of examples/corner."""
@@ -63,7 +63,7 @@ NOT_RUN = {
     "python -m stages.simulate +name=sim_test": "needs the layout on its page; test_layouts.py simulates it",
     "pedpred info build/rooms": "likewise",
     "python -m stages.ingest": "needs the rows on its page; test_own_place.py runs it there",
-    "python -m stages.evaluate_baseline": "likewise",
+    "python -m stages.evaluate": "likewise",
     "python -m stages.gather": "likewise",
     "python -m stages.train": "needs the rows of a run; test_instant_training.py trains on some",
     "python -m stages.export": "needs a trained network; tests/exported.py exports some",
@@ -97,8 +97,7 @@ IN_A_COPY = (
 
 FEW_ROWS = {
     "places/recorded": ({"eth", "hotel"},),
-    "methods/networks": ({"lstm"},),
-    "methods/memoryless": ({"mixture"},),
+    "methods/networks": ({"lstm", "mixture"},),
     "situations/varied": ("simulated", {"main"}),
     "literature/eth_ucy": ("folds", {"eth"}),
     "online/robot": ("exports", {"large"}),
@@ -201,7 +200,7 @@ def project(tmp_path_factory):
     """A copy of the project with few stages and two commits, whose requirements are installed; no results."""
     copy = tmp_path_factory.mktemp("copy") / "project"
     done(ROOT, ".ci/copy", str(copy)).check_returncode()
-    (copy / "dvc.lock").unlink()
+    (copy / "dvc.lock").unlink(missing_ok=True)
     leave_few_rows(copy / "conf")
     (copy / "params.yaml").write_text(config.composed(copy / "conf", []))
     for message in ("one", "two"):
@@ -263,9 +262,10 @@ def test_the_walk_through_measures_what_its_comments_say(folder, commanded):
 
 @pytest.fixture(scope="module")
 def targets():
-    """Names of the stages of the project and of their families, as DVC takes them for targets."""
+    """Names of stages, of their families and of pipelines, as DVC takes them for targets."""
     names = {stage.name for stage in stages()}
-    return names | {staleness.family(name) for name in names}
+    files = {str(path.relative_to(ROOT)) for path in config.pipelines(ROOT)}
+    return files | names | {name.partition("@")[0] for name in names}
 
 
 @functools.cache

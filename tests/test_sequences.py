@@ -9,10 +9,10 @@ from pedpred.config import plain, read_params
 from pedpred.models.features import RowFormat
 from pedpred.sequences import collect_world_steps
 from pedpred.settings import load
-from pedpred.simulation.worlds import SensingSettings, WorldSettings
 from pedpred.simulation.worlds.world import simulate_world
 from pedpred.situations import Recipe, RowSettings
-from stages.features import features_of, protocol_of
+from stages.perception import features_of, protocol_of
+from stages.worlds import worlds_of
 from tests.conftest import ROOT
 
 PARAMS = read_params(ROOT)
@@ -22,13 +22,13 @@ SHORT_S = 12.0
 @pytest.fixture(scope="module")
 def education():
     """Short worlds, sensors, and how rows are made, as configured."""
-    worlds = load(WorldSettings, plain(PARAMS.worlds))
+    worlds, sensing = worlds_of(PARAMS)
     for kind in ("corridor", "lone"):
         worlds = replace(worlds, **{kind: replace(getattr(worlds, kind), duration_s=SHORT_S)})
     protocol, how = protocol_of(PARAMS)
     made_with = RowFormat(replace(protocol, noncausal=False), "lstm", features_of(PARAMS, "lstm"))
     recipe = Recipe(load(RowSettings, plain(PARAMS.situations.rows)), made_with, how.standstill_mps)
-    return worlds, load(SensingSettings, plain(PARAMS.sensing)), recipe
+    return worlds, sensing, recipe
 
 
 def steps(education, kind="corridor", number=0, **changes):

@@ -15,37 +15,70 @@ from omegaconf import OmegaConf
 
 from pedpred.config import part
 from pedpred.errors import PedpredError
-from stages import evaluate, features, pretrain_autoencoder, train, train_far
-from stages.config import PARTS, STAMP, check_layouts, check_parts, layout_names, main
+from pedpred.report.findings import Paper
+from pedpred.report.literature import PublishedRows
+from pedpred.report.methods import Methods
+from pedpred.report.page.player import ReplaySettings
+from pedpred.settings import load, load_together
+from pedpred.simulation.worlds import SensingSettings, WorldSettings
+from pedpred.sources.mirrors import Mirrors
+from stages import eth_ucy_train, evaluate, pretrain_autoencoder, rows, train
+from stages.config import PARTS, STAMP, check_layouts, check_parts, main
+from stages.references import layout_names
+from stages.row_types import PageRows
 from stages.simulate import read_layouts
 from tests.configuration import read
 from tests.conftest import ROOT
 
 LAYOUTS = read_layouts(layout_names())
-PARAMS = read("params.yaml") | {"layouts": LAYOUTS}
-CHECKS = PARTS | {"layouts": lambda cfg: check_layouts(part(cfg, "layouts"))}
-ROWS = ("mirrors", "trackers", "sensors", "social_forces", "simulations", "places", "folds", "layouts")
+FILES = {
+    "layouts": LAYOUTS,
+    "ranges": read("conf/worlds/varied.yaml"),
+    "sensing": read("conf/sensing/varied.yaml"),
+    "mirror": read("conf/mirrors/juelich.yaml"),
+    **{
+        f"shown_{name}": read(f"conf/report/{name}.yaml")
+        for name in ("methods", "paper", "page", "published")
+    },
+}
+PARAMS = read("params.yaml") | FILES
+CHECKS = PARTS | {
+    "layouts": lambda cfg: check_layouts(part(cfg, "layouts")),
+    "ranges": lambda cfg: load(WorldSettings, cfg["ranges"], "ranges"),
+    "sensing": lambda cfg: load(SensingSettings, cfg["sensing"], "sensing"),
+    "mirror": lambda cfg: Mirrors.parse("mirror", cfg["mirror"]),
+    "shown_methods": lambda cfg: Methods.parse(cfg["shown_methods"], "cv"),
+    "shown_paper": lambda cfg: load(Paper, cfg["shown_paper"], "shown_paper"),
+    "shown_page": lambda cfg: load_together([PageRows, ReplaySettings], cfg["shown_page"]),
+    "shown_published": lambda cfg: load(PublishedRows, cfg["shown_published"], "shown_published"),
+}
+ROWS = ("trackers", "sensors", "social_forces", "simulations", "places", "folds", "layouts")
 BASES = {base for name in ROWS for row in PARAMS[name].values() if (base := row.get("base"))}
 FREE = (  # names that are chosen freely, or that other parts of the configuration choose
+    "mirrors",
+    *(f"training.{phase}.shares" for phase in ("situations", "adaptation")),
+    *(f"literature.networks.mixture.{phase}.shares" for phase in ("worlds", "recorded")),
     *(name for name in ROWS if name != "folds"),
     *(f"folds.{study}" for study in PARAMS["folds"]),
     *(f"methods.{group}" for group in PARAMS["methods"]),
-    "report.methods",
+    "shown_methods",
     *("online.exports", "online.promises", "situations.simulated", "recording.scenes", "driving.places"),
     *(
         "literature.scenes",
         "literature.folds",
-        "mirrors.juelich.inside",
-        "report.published.*.errors_m",
-        "report.page.replays",
+        "literature.exports",
+        "driving.exports",
+        "mirror.inside",
+        "shown_published.published.*.errors_m",
+        "shown_page.replays",
     ),
     *(
-        "report.paper.ade_m",
-        "report.paper.ade_m.sim",
-        "report.paper.ade_m.real",
-        "report.paper.remarks",
-        "report.paper.at",
-        "report.paper.expectations",
+        "shown_paper.ade_m",
+        "shown_paper.ade_m.sim",
+        "shown_paper.ade_m.real",
+        "shown_paper.remarks",
+        "shown_paper.at",
+        "shown_paper.expectations",
     ),
 )
 NO_NUMBERS = ("x", True, None, [], [1.0, 2.0, 3.0], {}, math.nan, math.inf, -math.inf)
@@ -144,7 +177,7 @@ def test_a_number_is_in_its_range_or_refused_by_its_key(name):
     assert missed == []
 
 
-@pytest.mark.parametrize("name", ["worlds", "sensing", "situations", "clutter", "training"])
+@pytest.mark.parametrize("name", ["ranges", "sensing", "situations", "clutter", "training"])
 def test_a_range_that_falls_or_is_empty_is_refused_by_its_key(name):
     for path, value in nodes(PARAMS[name]):
         if (
@@ -192,10 +225,10 @@ def test_an_unknown_part_is_refused():
         ),
         ("folds.real.a", {"test": []}, "'folds.real.a.train' = None: a fold of this study needs it"),
         ("folds.sim.a", {"test": [], "train": []}, "'folds.sim.a.train' = []: folds of sim are not trained"),
-        ("methods.more", {}, "'methods' = 'more': choose one of baselines, networks, memoryless"),
+        ("methods.more", {}, "'methods' = 'more': choose one of baselines, networks"),
         (
-            "methods.memoryless.cv",
-            PARAMS["methods"]["memoryless"]["mixture"],
+            "methods.networks.cv",
+            PARAMS["methods"]["networks"]["mixture"],
             "'methods' = ['cv']: a name must be that of one row",
         ),
         ("methods.networks.a", {"where": []}, "'methods.networks.a.settings.architecture' = None"),
@@ -205,20 +238,16 @@ def test_an_unknown_part_is_refused():
             "'recording.scenes.a.scene' = 'real/eth'",
         ),
         (
-            "online.exports.small.networks",
-            "models/folds/none",
-            "'online.exports.small.networks' = 'models/folds/none': choose one of models/main",
+            "online.exports.small.weights",
+            "models/mixture_main/none",
+            "'online.exports.small.weights' = 'models/mixture_main/none': choose one of models/mixture_main",
         ),
         (
-            "methods.networks.a",
-            PARAMS["methods"]["memoryless"]["mixture"],
-            "'methods.networks.a.settings.architecture' = 'mixture': it reads beams, history",
+            "trainings.lstm_main.previous",
+            "models/mixture_main",
+            "'trainings.lstm_main.previous' = 'models/mixture_main': no row of trainings writes",
         ),
-        (
-            "methods.memoryless.a",
-            PARAMS["methods"]["networks"]["lstm"],
-            "'methods.memoryless.a.settings.architecture' = 'lstm': it reads angular, grid, but",
-        ),
+        ("trainings.lstm_main.phase", "mian", "'trainings.lstm_main.phase' = 'mian': choose one of corridor"),
         ("places.eth.tracker", "truth", "'places.eth.tracker' = 'truth': true states need velocities"),
         (
             "situations.simulated.corridor.kind",
@@ -277,6 +306,17 @@ def test_an_edit_under_conf_without_make_params_ends_the_stage(tmp_path, monkeyp
     assert not Path(STAMP).exists()
 
 
+def test_a_wrong_value_of_an_experiment_does_not_stay_in_params_yaml(tmp_path, monkeypatch):
+    shutil.copytree(ROOT / "conf", tmp_path / "conf")
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "params.yaml").read_text()
+    Path("params.yaml").write_text(wrong := text.replace("lr: 0.003", "lr: -1.0"))
+    monkeypatch.setenv("DVC_EXP_NAME", "wrong")
+    with pytest.raises(SystemExit, match=r"training\.\w+\.lr"):
+        main([])
+    assert Path("params.yaml").read_text() == text != wrong
+
+
 def test_a_study_may_be_left_out():
     params = {part: PARAMS[part] for part in PARTS}
     params["folds"] = {study: folds for study, folds in params["folds"].items() if study != "transfer"}
@@ -284,42 +324,27 @@ def test_a_study_may_be_left_out():
 
 
 STAGES = [
-    (train, {"phase": "corridor", "name": "lstm"}, "training.corridor", "steps", -5),
-    (train, {"phase": "situations", "name": "mixture"}, "training.situations", "seed", -1),
+    (train, {"name": "lstm_corridor", "network": "lstm"}, "training.corridor", "steps", -5),
+    (train, {"name": "mixture_main", "network": "mixture"}, "training.situations", "seed", -1),
     (pretrain_autoencoder, {}, "autoencoder", "clip_norm", 0),
-    (features, {"kind": "real", "name": "eth"}, "features.lstm", "grid_cells", 61),
+    (rows, {"kind": "real", "name": "lstm"}, "features.lstm", "grid_cells", 61),
 ]
 
 
 @pytest.mark.parametrize(
     ("stage", "arguments", "message"),
     [
-        (
-            evaluate,
-            {"name": "lstn", "networks": "main"},
-            "'lstn': choose one of .*lstm_nogrid, lstm",
-        ),
-        (
-            evaluate,
-            {"name": "lstm", "networks": "no"},
-            "'no': choose one of main, folds/without_eth",
-        ),
-        (
-            evaluate,
-            {"name": "cv", "networks": "main"},
-            "'cv': choose one of lstm_nogrid, lstm, .*mixture$",
-        ),
-        (
-            train,
-            {"name": "cv", "phase": "main"},
-            "'cv': choose one of lstm_nogrid, lstm, .*mixture$",
-        ),
-        (train_far, {"name": "cv"}, "'cv': choose one of lstm, mixture$"),
-        (train, {"name": "lstm", "phase": "situations"}, "'situations': choose one of corridor, main, fine"),
-        (train, {"name": "mixture", "phase": "main"}, "'main': choose one of situations, adaptation$"),
+        (evaluate, {"name": "lstn", "weights": "main"}, "'lstn': choose one of lstm_nogrid, lstm, "),
+        (evaluate, {"name": "lstm", "weights": "no"}, "'no': choose one of baselines, main, folds"),
+        (evaluate, {"name": "cv", "weights": "main"}, "'cv': choose one of lstm_nogrid, lstm, .*mixture$"),
+        (train, {"name": "lstm"}, "'lstm': choose one of lstm_corridor, lstm_main"),
+        (train, {"name": "lstm_main", "network": "mixture"}, "'mixture': choose one of lstm_nogrid, lstm$"),
+        (train, {"name": "lstm_folds", "fold": "no"}, "'no': choose one of without_eth"),
+        (eth_ucy_train, {"phase": "main"}, "'main': choose one of worlds, recorded$"),
     ],
 )
-def test_a_stage_says_which_networks_and_phases_it_knows(stage, arguments, message):
+def test_a_stage_says_which_rows_and_phases_it_knows(stage, arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(PedpredError, match=message):
         stage.main.__wrapped__(OmegaConf.create(PARAMS | arguments))
 

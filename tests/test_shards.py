@@ -205,7 +205,7 @@ def test_embeddings_of_other_rows_are_refused(folder, table):
 
 def test_the_example_on_the_page_draws_both_grids(table, tmp_path, monkeypatch):
     matplotlib.use("Agg")
-    write_shard([table], tmp_path / "data/features/real/eth", "eth")
+    write_shard([table], tmp_path / "data/rows/lstm/real/eth", "eth")
     monkeypatch.chdir(tmp_path)
     examples = re.findall(r"```python\n(.*?)```", (ROOT / "docs/ablations.md").read_text(), re.DOTALL)
     (example,) = (code for code in examples if "read_parquet" in code)

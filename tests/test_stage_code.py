@@ -5,8 +5,8 @@ import sys
 from importlib import import_module
 
 import pytest
-from omegaconf import OmegaConf
 
+from pedpred.models import ARCHITECTURES
 from stages import code
 from stages.code import CODE, ROOT, UNRELATED, code_behind, files_of, listings, meaning, scripts
 from tests.configuration import read
@@ -109,18 +109,17 @@ def test_a_stage_depends_on_the_files_beside_its_code_and_not_on_how_files_are_w
     assert not {str(path.relative_to(ROOT)) for path in UNRELATED} & names
 
 
-def test_the_code_of_a_network_is_that_of_its_group_alone():
-    every = listings(PARAMS["methods"])
-    for group, name in [("memoryless", "mixture"), ("networks", "lstm")]:
-        network = ROOT / f"pedpred/models/{name}/network.py"
-        assert {path for path, files in every.items() if network in files} == {CODE / "methods" / group}
+@pytest.mark.parametrize("name", ARCHITECTURES)
+def test_a_network_is_in_the_list_of_its_architecture_alone(name):
+    network = ROOT / f"pedpred/models/{name}/network.py"
+    assert {path for path, files in listings().items() if network in files} == {CODE / "models" / name}
 
 
 def test_a_stage_finds_a_line_per_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    code.main.__wrapped__(OmegaConf.create(PARAMS))
+    code.write_code()
     written = {path.relative_to(tmp_path) for path in (tmp_path / CODE).rglob("*") if path.is_file()}
-    assert written == listings(PARAMS["methods"]).keys() >= {CODE / path.stem for path in scripts()}
+    assert written == listings().keys() >= {CODE / path.stem for path in scripts()}
     assert [line.split()[1] for line in (tmp_path / CODE / "fetch").read_text().splitlines()] == [
         "pedpred/sources/archives.py",
         "pedpred/sources/mirrors.py",

@@ -17,7 +17,8 @@ from pedpred.sources.mirrors import NOTE
 from pedpred.sources.scene_folder import read_own
 from pedpred.storage.scenes import read_scene, write_scene
 from stages import ingest
-from tests.configuration import composed
+from stages.worlds import worlds_of
+from tests.configuration import composed, read
 from tests.conftest import ROOT
 from tools import fit_social_force, recordings, stand_in, tune_tracker
 
@@ -44,7 +45,7 @@ def test_it_is_small_and_says_what_it_is():
 
 
 def test_no_network_is_trained_in_its_world():
-    assert OmegaConf.load(ROOT / "params.yaml").worlds.seed != stand_in.SEED
+    assert worlds_of(read("params.yaml"))[0].seed != stand_in.SEED
 
 
 def test_the_option_adds_a_place_that_is_tested_and_never_trained_on():
@@ -54,8 +55,7 @@ def test_the_option_adds_a_place_that_is_tested_and_never_trained_on():
     (fold,) = chosen["folds"]["real"].keys() - usual["folds"]["real"].keys()
     assert chosen["folds"]["real"][fold] == {"train": [], "test": [f"real/{name}"]}
     assert name.startswith("simulated")
-    for fold in usual["folds"]["real"].values():
-        assert f"real/{name}" not in fold["train"] + fold["test"]
+    assert all(f"real/{name}" not in fold["test"] for fold in usual["folds"]["real"].values())
 
 
 NEEDED = ("_self_", "places:", "folds:", "recording:", "stand_in:", "override")
@@ -75,8 +75,11 @@ def project(tmp_path, monkeypatch):
     about = {"archives": [], "timeout_s": 1.0, "optional": []}
     about["sha256sums"] = [f"{hashlib.sha256(WALK).hexdigest()} walk.txt"]
     mirrors = {name: about | {"folders": [f"mirror/{name}"]} for name in ("hall", "yard")}
+    for name, row in mirrors.items():
+        Path(f"conf/mirrors/{name}.yaml").write_text(yaml.safe_dump(row))
     places = {name: {"folder": f"data/raw/{name}"} for name in mirrors}
-    return OmegaConf.create({"mirrors": mirrors, "places": places})
+    files = {name: f"conf/mirrors/{name}.yaml" for name in mirrors}
+    return OmegaConf.create({"mirrors": files, "places": places})
 
 
 def put(name):

@@ -21,7 +21,7 @@ from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import write_scene
 from pedpred.tracking import KalmanSettings
 from pedpred.workers import in_parallel
-from stages.features import features_into
+from stages.rows import write_steps
 from stages.simulate import simulate_into
 from tests.exported import LSTM_ROWS
 from tests.simulated import SETTINGS, short
@@ -57,7 +57,7 @@ def test_two_processes_give_the_same_bytes(alone, tmp_path, monkeypatch):
 def features_with(jobs, scenes, out, monkeypatch):
     monkeypatch.setenv("PEDPRED_JOBS", jobs)
     tasks = [(out, scene, "", HOW, LSTM_ROWS, 3) for scene in sorted(scenes.iterdir())]
-    in_parallel(features_into, tasks, "features", "room")
+    in_parallel(write_steps, tasks, "features", "room")
     return contents(out)
 
 

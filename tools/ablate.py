@@ -25,7 +25,7 @@ from dvc.repo import Repo
 from dvc.scm import SCMError
 from tqdm import tqdm
 
-from pedpred.config import composed, config_errors, one_of, plain, read_params
+from pedpred.config import composed, config_errors, one_of, read_params
 from pedpred.errors import ConfigError
 from pedpred.files import check_output, write_json, write_text
 from pedpred.metrics.table import METRICS
@@ -212,8 +212,7 @@ def main() -> None:
     measured = metrics_of_points(ablation, references)
     check_measured(ablation, measured)
     rows = point_rows(ablation, measured)
-    params = plain(read_params(Path()))
-    methods = Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
+    methods = Methods.read(Path(), read_params(Path()).comparison.reference)
     tables = [ablation_table(ablation, rows, methods)]
     if ablation.curves:
         tables.append(

@@ -24,7 +24,7 @@ from pedpred.evaluation.scores import integrate_truth
 from pedpred.evaluation.windows import ask_about_windows
 from pedpred.files import check_output
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
-from stages.features import perception_of
+from stages.perception import perception_of
 from tools.arguments import count
 from tools.places import recording
 from tools.rows import write_row

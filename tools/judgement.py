@@ -21,6 +21,7 @@ from pedpred.scenes import Scene
 from pedpred.settings import load, load_each
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
+from stages.folds import trained_sets
 from stages.row_types import PromiseRow
 from tools.programs import git
 from tools.verdicts import (
@@ -109,11 +110,12 @@ class Judgement:
     def training_places(self) -> set[str]:
         """Real places that trained the network."""
         weights = Path(self.origin["networks"])
-        if weights.name == "robot":
+        if weights.name.endswith("robot"):
             return set(self.params.places)
-        if weights.parent.name != "folds":
+        if "fold" not in self.origin:
             return set()
-        return {name.removeprefix("real/") for name in self.params.folds.real[weights.name].train}
+        trained = trained_sets(self.params.folds.real[self.origin["fold"]], self.params.places)
+        return {name.removeprefix("real/") for name in trained}
 
     def scores_at(self, folder: Path, place: str) -> dict[str, Scores]:
         """Scores of a model folder at a place, as its sensor detects people."""

@@ -15,12 +15,12 @@ import numpy as np
 import pandas as pd
 from scipy.ndimage import uniform_filter1d
 
-from pedpred.config import part, read_params
+from pedpred.config import read_params
 from pedpred.errors import user_errors
 from pedpred.scenes import Scene
-from pedpred.settings import load
-from pedpred.simulation.worlds import DRAWN_KINDS, WorldSettings, simulate_world
+from pedpred.simulation.worlds import DRAWN_KINDS, simulate_world
 from pedpred.tracking.tracks import births
+from stages.worlds import worlds_of
 from tools.arguments import count
 from tools.places import add_recordings, recordings
 
@@ -92,7 +92,7 @@ def main() -> None:
     add_recordings(parser)
     parser.add_argument("--worlds", type=count, default=12, help="of each kind (default: %(default)s)")
     arguments = parser.parse_args()
-    worlds = load(WorldSettings, part(read_params(Path()), "worlds"))
+    worlds, _ = worlds_of(read_params(Path()))
     rows = [describe_motion(scene.name, [scene]) for scene in recordings(arguments.recording, arguments.rate)]
     for kind in DRAWN_KINDS:
         rows.append(describe_motion(kind, (simulate_world(kind, n, worlds) for n in range(arguments.worlds))))

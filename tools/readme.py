@@ -22,7 +22,7 @@ from pedpred.config import config_errors, plain, read_params
 from pedpred.files import write_text
 from pedpred.report.comparison import metrics_now
 from pedpred.report.document import Cell, Row, Table
-from pedpred.report.literature import literature_tables
+from pedpred.report.literature import literature_tables, read_published
 from pedpred.report.methods import Method, Methods
 from pedpred.report.results import figure_of, read_metrics, results_frame
 from pedpred.report.tables import pivot
@@ -133,10 +133,10 @@ def pages(root: Path) -> dict[Path, str]:
     if without := lacking(params["folds"], studies):
         logging.warning("the tables stay as they are: there are no figures of %s", ", ".join(without))
         return {}
-    methods = Methods.parse(params["report"]["methods"], params["comparison"]["reference"])
+    methods = Methods.read(root, params["comparison"]["reference"])
     tables = tables_from(studies, methods)
     if literature := metrics_now(root / "reports/metrics").get("literature"):
-        frame, published = results_frame({"literature": literature}), params["report"]["published"]
+        frame, published = results_frame({"literature": literature}), read_published(root)
         beside = literature_tables(frame, published, methods)
         tables |= {name: table.markdown("") for name, table in beside.items()}
     files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]

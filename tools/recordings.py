@@ -17,9 +17,10 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from pedpred.config import config_errors, configured, plain, read_params
+from pedpred.config import config_errors, read_params
 from pedpred.files import write_text
-from pedpred.sources.mirrors import NOTE, Mirrors, provide
+from pedpred.sources.mirrors import NOTE, provide
+from stages.fetch import mirrors_of
 
 RAW = Path("data/raw")
 CONFIG = Path("conf/config.yaml")
@@ -32,12 +33,11 @@ def fetch(params: DictConfig) -> list[str]:
     """Look for all data sets, also those that were not found earlier; return how to get missing ones."""
     advice = []
     RAW.mkdir(parents=True, exist_ok=True)
-    for name, row in params.mirrors.items():
+    for name in params.mirrors:
         target = RAW / str(name)
         if (target / NOTE).exists():
             shutil.rmtree(target)
-        with configured(f"mirrors.{name}"):
-            provide(mirrors := Mirrors.parse(str(name), plain(row)), target)
+        provide(mirrors := mirrors_of(params, str(name)), target)
         if (target / NOTE).exists():
             advice.append(f"{mirrors.advice}. Details: {target / NOTE}")
     return advice

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.config import plain, read_params
+from pedpred.config import read_params
 from pedpred.errors import user_errors
 from pedpred.files import check_output, write_json, write_text
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from pedpred.settings import load
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
-from pedpred.simulation.worlds import WorldSettings, simulate_world
+from pedpred.simulation.worlds import simulate_world
 from pedpred.storage.scenes import SCENE_SCHEMA, write_map
+from stages.worlds import worlds_of
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = Path("examples/simulated_corner")
@@ -34,7 +34,7 @@ AROUND_M = 5.0
 
 def stand_in(name: str) -> Scene:
     """Simulate the people and look at them."""
-    ranges = load(WorldSettings, plain(read_params(ROOT).worlds))
+    ranges, _ = worlds_of(read_params(ROOT))
     longer = replace(ranges.corridor, duration_s=DURATION_S)
     world = simulate_world(KIND, NUMBER, replace(ranges, seed=SEED, corridor=longer))
     seen = apply_sensor(world, SENSOR, np.random.default_rng(SENSOR.seed))

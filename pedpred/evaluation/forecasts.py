@@ -151,7 +151,7 @@ def read_forecasts(
 
     Args:
         root: the project's folder.
-        networks: folder of the networks that are tested there, below data/forecasts.
+        networks: whose weights are tested there: main, or a fold.
         at: the test set, kind/name.
         methods: their keys, in the order of the predictions; what was not forecast is left out.
         scene: its name, or a pattern.
@@ -162,10 +162,22 @@ def read_forecasts(
     """
     parts: dict[str, list[EvaluationWindows]] = {}
     for method in methods:
-        for group in ("baselines", networks):
-            for path in sorted((root / "data/forecasts" / group / method / at).glob(f"{scene}.parquet")):
+        for folder in result_folders(root / "data/forecasts", method, networks):
+            for path in sorted((folder / at).glob(f"{scene}.parquet")):
                 parts.setdefault(path.stem, []).append(read_windows(path))
     return {name: join_windows(windows) for name, windows in parts.items()}
+
+
+def result_folders(top: Path, method: str, networks: str) -> tuple[Path, Path]:
+    """Folders below data/forecasts or data/scores that may hold a method's results, a folder per test set.
+
+    Args:
+        top: the folder.
+        method: its key; a simple method has no weights, and the first of these.
+        networks: whose weights are tested: main, or a fold.
+    """
+    trained = Path("main", method) if networks == "main" else Path("folds", method, networks)
+    return top / "baselines" / method, top / trained
 
 
 def join_windows(parts: Sequence[EvaluationWindows]) -> EvaluationWindows:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -22,7 +22,13 @@ class StoredColumn:
 
 
 class ModelFeatures(Protocol):
-    """Sizes of a model's inputs, and how these are computed: the same code offline, in batches and online."""
+    """Sizes of a model's inputs, and how these are computed: the same code offline, in batches and online.
+
+    Attributes:
+        has_memory: the network is trained on all steps of tracks; otherwise on single instants.
+    """
+
+    has_memory: ClassVar[bool]
 
     def columns(self) -> dict[str, StoredColumn]:
         """The inputs in rows for training, in the order of their columns."""

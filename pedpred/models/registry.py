@@ -23,7 +23,7 @@ _KIND = "motion"
 
 def settings_class(architecture: str) -> type[NetworkSettings]:
     """Import the class of an architecture's settings."""
-    module, _, name = ARCHITECTURES[architecture].rpartition(".")
+    module, _, name = ARCHITECTURES[architecture].settings.rpartition(".")
     return cast(type[NetworkSettings], getattr(import_module(module), name))
 
 
@@ -43,7 +43,7 @@ def parse_settings(plain: Mapping[str, Any]) -> NetworkSettings:
 def plain_settings(settings: NetworkSettings) -> dict[str, Any]:
     """The inverse of `parse_settings`."""
     kind = type(settings)
-    alike = (name for name, path in ARCHITECTURES.items() if path.rpartition(".")[2] == kind.__name__)
+    alike = (name for name, it in ARCHITECTURES.items() if it.settings.rpartition(".")[2] == kind.__name__)
     name = next(name for name in alike if settings_class(name) is kind)  # a package may export it again
     return {"architecture": name, **settings.plain()}
 

@@ -95,7 +95,7 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
     metrics = read_metrics(root / f"reports/metrics/{study}.json")
     windows: dict[str, EvaluationWindows] = {}
     for name, fold in folds.items():
-        networks = f"folds/{name}" if "train" in fold else "main"
+        networks = name if "train" in fold else "main"
         for at in fold["test"]:
             tested = at.split("/")[1]
             found = read_forecasts(root, networks, at, metrics.get(tested, {}))
@@ -110,7 +110,7 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
         for name, scenes in sets.items()
     }
     scenes = {name: sets[name] for name in [*(r.name for r in results), *sets] if name not in missing}
-    tables = sorted((root / "reports/curves" / study).glob("*.tsv"))
+    tables = sorted((root / "reports/curves" / study).rglob("*.tsv"), key=lambda path: path.name)
     curves = {table.stem: curve for table in tables if len(curve := read_curve(table))}  # not of copies
     autoencoder = read_autoencoder(root / "models/autoencoder")[0]
     return Evaluated(study, kind, results, scenes, windows, curves, autoencoder, missing)

@@ -3,18 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 
+from pedpred.errors import ConfigError
+from pedpred.files import read_yaml, translate_errors
 from pedpred.report.document import NOTHING, Block, Cell, Row, Section, Table, Text
 from pedpred.report.methods import Methods
 from pedpred.report.results import figure_of
 from pedpred.report.tables import interval, pivot
+from pedpred.settings import In, Range, Settings, load
 
-Published = Mapping[str, Any]
-"""A row of `report.published`: name, samples, errors_m (scene or mean -> [ADE, FDE]), remark."""
+
+@dataclass(frozen=True)
+class Published(Settings):
+    """Errors that others published under the protocol of `pedpred.literature`.
+
+    Attributes:
+        name: of their method.
+        samples: number of forecasts the best of which counts.
+        errors_m: scene, or "mean" of all five -> (ADE, FDE).
+        remark: how theirs was measured.
+    """
+
+    name: str
+    samples: Annotated[int, In("[1, 1000]")]
+    errors_m: Mapping[str, Annotated[Range, In("(0, 1000]")]]
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class PublishedRows:
+    """What others published."""
+
+    published: Sequence[Published]
+
+
+def read_published(folder: Path) -> Sequence[Published]:
+    """Read the rows of others from a project's file.
+
+    Raises:
+        ConfigError: the file is missing or damaged, or a row breaks a rule.
+    """
+    wording = partial(ConfigError, "published", str(file := folder / "conf/report/published.yaml"))
+    values = read_yaml(file, wording)
+    with translate_errors(wording):
+        return load(PublishedRows, values).published
+
 
 SCENES = ("eth", "hotel", "univ", "zara1", "zara2")
 """What is averaged, each with the same weight."""
@@ -41,10 +81,8 @@ _TWENTY = (
 )
 
 
-def literature_section(
-    literature: pd.DataFrame, published: Sequence[Published], methods: Methods
-) -> list[Section]:
-    """Tables of one forecast and of the best of 20; nothing without figures.
+def literature_section(literature: pd.DataFrame, published: Sequence[Published], methods: Methods) -> Section:
+    """Tables of one forecast and of the best of 20; without blocks where there are no figures.
 
     Args:
         literature: figures; a place is a scene, or scene_fold for stricter folds.
@@ -52,13 +90,13 @@ def literature_section(
         methods: labels and order.
     """
     if literature.empty:
-        return []
+        return Section("Beside the literature", [], "literature")
     tables = literature_tables(literature, published, methods)
     best = Section("Best of 20", [Text(_TWENTY), tables["literature_best"]])
     blocks: list[Block] = [Text(_SEEN), tables["literature_one"], best]
     if further := tables.get("literature_modes"):
         blocks.append(Section("Probabilities", [further]))
-    return [Section("Beside the literature", blocks, "literature")]
+    return Section("Beside the literature", blocks, "literature")
 
 
 def literature_tables(
@@ -112,13 +150,13 @@ def _error_cell(row: Any) -> Cell:
 def _quoted(published: Sequence[Published], samples: int) -> list[Row]:
     """Rows of others with so many samples."""
     rows = []
-    for row in (row for row in published if row["samples"] == samples):
-        errors = dict(row["errors_m"])
+    for row in (row for row in published if row.samples == samples):
+        errors: dict[str, Any] = dict(row.errors_m)
         if set(SCENES) <= set(errors):
             errors[MEAN] = np.mean([errors[scene] for scene in SCENES], axis=0)
         pairs = [errors.get(key, (None, None)) for key in (MEAN, *SCENES)]
         cells = [Cell(NOTHING if error is None else f"{error:.2f}") for pair in pairs for error in pair]
-        rows.append(Row([Cell(row["name"], remark=row.get("remark", "")), *cells]))
+        rows.append(Row([Cell(row.name, remark=row.remark), *cells]))
     return rows
 
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Any
 
-from pedpred.errors import ValueRuleError
+from pedpred.errors import ConfigError, ValueRuleError
+from pedpred.files import read_yaml, translate_errors
 from pedpred.settings import Settings, check_choice, check_mapping, load
 
 ROLES = ("baseline", "oracle", "ablation", "network", "other")
@@ -90,6 +93,18 @@ class Methods:
             check_mapping(f"methods.{key}", row)
             rows[key] = load(Method, {**row, "key": key}, f"methods.{key}")
         return cls(tuple(rows.values()), rows.get(reference, Method(reference, reference)))
+
+    @classmethod
+    def read(cls, folder: Path, reference: str) -> Methods:
+        """Read them from the file of a project that says how methods are shown.
+
+        Raises:
+            ConfigError: the file is missing or damaged, or a row breaks a rule.
+        """
+        wording = partial(ConfigError, "methods", str(file := folder / "conf/report/methods.yaml"))
+        rows = read_yaml(file, wording)
+        with translate_errors(wording):
+            return cls.parse(rows, reference)
 
     def __iter__(self) -> Iterator[Method]:
         return iter(self.rows)

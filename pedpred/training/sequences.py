@@ -32,7 +32,7 @@ class NamedSets(Settings):
     """What a phase is trained on, whatever the fold.
 
     Attributes:
-        sets: kind/name of each, below data/features.
+        sets: kind/name of each, below data/rows.
     """
 
     sets: tuple[str, ...]

@@ -182,7 +182,7 @@ def main() -> None:
     """Reproduce a copy, disturb it repeatedly, and print the results."""
     parser = argparse.ArgumentParser(prog="python -m tests.trust.faults", description=__doc__)
     parser.add_argument("--kills", type=int, default=2, help="of each kind of stage")
-    parser.add_argument("--stages", nargs="+", help="only these of them, e.g. encode_real@eth")
+    parser.add_argument("--stages", nargs="+", help="only these of them, e.g. embed@real")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--project", type=Path, help="an existing reproduced copy")
     parser.add_argument("--short", action="store_true", help="only kills")

@@ -112,14 +112,14 @@ def toy(folder: Path) -> None:
 
 
 def pipeline(folder: Path) -> dict[str, str]:
-    """The command of every stage by name, in the order in which they run."""
+    """The command of every stage of the main pipeline by name, in the order in which they run."""
     graph = Repo(str(folder)).index.graph  # from a stage to what it needs
-    order = reversed(list(nx.lexicographical_topological_sort(graph, key=lambda stage: stage.name)))
-    return {stage.name: stage.cmd for stage in order}
+    order = reversed(list(nx.lexicographical_topological_sort(graph, key=lambda stage: stage.addressing)))
+    return {stage.name: stage.cmd for stage in order if Path(stage.path) == folder / "dvc.yaml"}
 
 
 def kinds(stages: Mapping[str, str]) -> dict[str, str]:
-    """One stage of each kind: of `features_real@...` the first by name."""
+    """One stage of each kind: of `rows@...` the first by name."""
     first = {min(name for name in stages if name.split("@")[0] == kind.split("@")[0]) for kind in stages}
     return {name: command for name, command in stages.items() if name in first}
 

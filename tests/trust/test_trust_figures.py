@@ -10,8 +10,8 @@ from pedpred.literature.measures import measure
 from pedpred.literature.windows import find_windows
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
-from stages.evaluate_literature import fit_filter
-from stages.literature import comparison_of
+from stages.eth_ucy import comparison_of
+from stages.eth_ucy_evaluate import fit_filter
 from tests.configuration import read
 from tests.conftest import raw_folder
 from tests.trust.figures import COMMITTED, TOLERANCE, measured, published

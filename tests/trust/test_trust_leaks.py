@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from unittest.mock import Mock
 
 import networkx as nx
 import numpy as np
@@ -18,7 +19,8 @@ from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.tracking import KalmanSettings
-from stages import train
+from stages import evaluate, train
+from stages.folds import trained_sets
 from tests.configuration import read, stages
 from tests.exported import NETWORK, WIDTHS, forecaster_of
 from tests.worlds import walled_scene
@@ -26,13 +28,8 @@ from tests.worlds import walled_scene
 ROOT = Path(__file__).resolve().parents[2]
 PARAMS = read("params.yaml")
 FOLDS = PARAMS["folds"]
-SIMULATED = {
-    "autoencoder": {"main"},
-    "corridor": {"main", "corridor"},  # the auto-encoder's convolutions come from main
-    "main": {"main", "corridor"},
-    **{f"folds/{fold}": {"main", "corridor"} for fold in FOLDS["real"]},
-}
-"""The simulated sets behind each folder of trained networks."""
+PRETRAINED = ("autoencoder", "lstm_corridor", "lstm_main", "mixture_main")
+"""Folders of networks that were trained in simulation only."""
 of_dvc = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")
 
 
@@ -58,18 +55,16 @@ def behind(path):
     return {name for stage in needed for name in names(stage.deps)}
 
 
-def simulated_behind(path):
-    return {Path(name).name for name in behind(path) if within(name, "data/scenes/simulated")}
+def test_no_rows_are_made_of_simulated_sets_that_are_tested():
+    tested = {at for study in FOLDS.values() for fold in study.values() for at in fold["test"]}
+    inputs = {row["input"].removeprefix("data/scenes/") for row in PARAMS["situations"]["simulated"].values()}
+    trained = {f"simulated/{name}" for name in PARAMS["sequences"]["scenes"]}
+    assert trained
+    assert (trained | inputs) & tested == set()
 
 
 @of_dvc
-@pytest.mark.parametrize("models", SIMULATED)
-def test_a_network_saw_the_scenes_that_it_may_see(models):
-    assert simulated_behind(f"models/{models}") == SIMULATED[models]
-
-
-@of_dvc
-@pytest.mark.parametrize("models", sorted(set(SIMULATED) - {f"folds/{fold}" for fold in FOLDS["real"]}))
+@pytest.mark.parametrize("models", PRETRAINED)
 def test_before_fine_tuning_no_network_saw_a_real_place(models):
     assert not [name for name in behind(f"models/{models}") if within(name, "data/scenes/real")]
 
@@ -78,7 +73,8 @@ def test_before_fine_tuning_no_network_saw_a_real_place(models):
 def test_a_network_is_tested_where_it_has_never_been(study, fold):
     row = FOLDS[study][fold]
     known = {f"{kind}/{name}" for kind, rows in SETS.items() for name in PARAMS[rows]}
-    tested, trained = set(row["test"]), set(row.get("train", ()))
+    tested = set(row["test"])
+    trained = set(trained_sets(row, PARAMS["places"])) if "train" in row else set()
     assert tested
     assert tested <= known
     assert trained <= known | {"simulated/worlds"}
@@ -87,34 +83,34 @@ def test_a_network_is_tested_where_it_has_never_been(study, fold):
 
 
 @pytest.mark.parametrize("fold", FOLDS["real"])
-@pytest.mark.parametrize(("phase", "group"), [("finetune", "networks"), ("adaptation", "memoryless")])
-def test_fine_tuning_reads_the_real_sets_of_its_fold_alone(phase, group, fold, monkeypatch):
+@pytest.mark.parametrize("training", [name for name, row in PARAMS["trainings"].items() if row.get("folds")])
+def test_a_fold_trains_on_its_own_real_sets_alone(training, fold, monkeypatch):
     def record(*given, **named):
-        read.update(re.findall(r"data/(?:features|situations)/(\w+/\w+)", repr((given, named))))
+        read.update(re.findall(r"data/rows/\w+/(\w+/\w+)", repr((given, named))))
         raise InterruptedError
 
     read = set()
     monkeypatch.setattr(train, "load_rows", record)
     monkeypatch.setattr(train, "has_rows", lambda folder: True)
     monkeypatch.setattr(train, "read_situations_manifest", lambda folder: (None, ["a shard"]))
-    given = {"phase": phase, "name": next(iter(PARAMS["methods"][group])), "fold": fold}
     with pytest.raises(InterruptedError):
-        train.main.__wrapped__(OmegaConf.create(PARAMS | given))
-    trained = set(FOLDS["real"][fold]["train"])
+        train.main.__wrapped__(OmegaConf.create(PARAMS | {"name": training, "fold": fold}))
+    trained = set(trained_sets(FOLDS["real"][fold], PARAMS["places"]))
     assert {key for key in read if key.startswith("real/")} == {key for key in trained if "real/" in key}
     assert read - trained <= {f"simulated/{key}" for key in PARAMS["situations"]["simulated"]}
 
 
-@of_dvc
-@pytest.mark.parametrize("fold", FOLDS["real"])
-def test_a_fold_is_tested_with_its_own_networks(fold):
-    """Of other folds' networks, some have been trained on its test places."""
-    own, others = f"models/folds/{fold}", "models/folds/"
-    tested = behind(f"data/scores/folds/{fold}")
-    networks = {name for group in ("networks", "memoryless") for name in PARAMS["methods"][group]}
-    assert {name for name in tested if name.startswith(others)} == {f"{own}/{name}" for name in networks}
-    commands = {stage.cmd for stage in makers(f"data/scores/folds/{fold}")}
-    assert all(command.endswith(f"+networks=folds/{fold}") for command in commands)
+@pytest.mark.parametrize("network", PARAMS["methods"]["networks"])
+def test_a_fold_is_tested_with_its_own_weights(network, monkeypatch):
+    """Those of other folds have been trained on some of its test places."""
+    monkeypatch.setattr(evaluate, "forecaster", lambda weights, *_, **__: Mock(weights=weights))
+    cfg = OmegaConf.create(PARAMS)
+    trials = evaluate.trials_of_network(cfg, network, "folds")
+    used = {at: trial.forecaster.weights for at, _, trial in trials}
+    folds = [(fold, at) for fold, row in FOLDS["real"].items() for at in row["test"]]
+    architecture = PARAMS["methods"]["networks"][network]["settings"]["architecture"]
+    expected = {at: Path(f"models/{architecture}_folds", network, fold) for fold, at in folds}
+    assert used == expected
 
 
 def test_no_two_places_are_one_recording():

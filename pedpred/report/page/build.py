@@ -5,12 +5,11 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.resources import files
 from typing import Any
 
-import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.colors import to_hex, to_rgb
@@ -19,10 +18,8 @@ from pedpred.report.canvas import avif_bytes
 from pedpred.report.document import Block, Pictures, Section, Text
 from pedpred.report.findings import Paper
 from pedpred.report.gather import Evaluated, title_of
-from pedpred.report.literature import literature_section
 from pedpred.report.methods import Methods
 from pedpred.report.page.player import Replay
-from pedpred.report.results import results_frame
 from pedpred.report.sections import (
     READING,
     answer_section,
@@ -49,11 +46,8 @@ class Contents:
     paper: Paper
     avif_speed: int  # of the encoder of pictures, from 0, smallest files, to 10, fastest
     further: Sequence[Section] = ()  # of pictures beside those of the test sets
-    literature: pd.DataFrame = field(default_factory=lambda: results_frame({}))  # see report/literature.py
-    published: Sequence[Mapping[str, Any]] = ()  # rows of others under that protocol
     latency: Sequence[Mapping[str, float]] = ()  # of `benchmarks.online`, one row per crowd
     places: Sequence[Block] = ()  # the real places side by side
-    drives: Sequence[Section] = ()  # of a robot with forecasters in the loop
 
 
 def render_page(contents: Contents) -> str:
@@ -98,8 +92,6 @@ def _sections(contents: Contents) -> list[Section]:
     return [
         Section("The answer", answer, "answer"),
         *paper_section(results, methods, paper),
-        *literature_section(contents.literature, contents.published, methods),
-        *contents.drives,
         _horizons(contents),
         *_merged("calibration", galleries),
         *_merged("displacement", galleries),

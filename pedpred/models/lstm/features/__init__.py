@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -27,6 +27,8 @@ class LstmFeatures(Settings):
         angular_cells: cones K of the angular pedestrian grid.
         max_range_m: range of that grid, m.
     """
+
+    has_memory: ClassVar[bool] = True
 
     grid_cells: Annotated[int, In("[1, 1000]")] = 60
     grid_resolution_m: Annotated[float, In("[0.001, 10]")] = 0.1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -35,6 +35,8 @@ class MixtureFeatures(Settings):
         beams: directions in which the distance to obstacles is measured; a multiple of 4.
         beam_range_m: as far as obstacles are seen, m.
     """
+
+    has_memory: ClassVar[bool] = False
 
     history_steps: Annotated[int, In("[1, 100]")] = 8
     neighbours: Annotated[int, In("[1, 1000]")] = 16

@@ -1,0 +1,70 @@
+"""How people are perceived in a set of scenes, and what networks read: settings that several stages make."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from omegaconf import DictConfig
+
+from pedpred.config import configured, one_of, part, row
+from pedpred.errors import ConfigError
+from pedpred.features import ForecastProtocol, ModelFeatures
+from pedpred.features.perception import Following, Perception, parse_tracker
+from pedpred.models.features import parse_features
+from pedpred.scenes import VARIANTS
+from pedpred.settings import load, load_together
+from pedpred.simulation.sensor import SensorSettings
+from pedpred.tracking import KalmanBank, KalmanSettings
+
+
+def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, ForecastProtocol]:
+    """Build how people are perceived in the scenes of a row of simulations or places, and the protocol."""
+    with configured(f"trackers.{source.tracker}"):
+        kalman = parse_tracker(row(cfg, "trackers", source.tracker))
+    with configured(f"sensors.{source.sensor}"):
+        sensor = load(SensorSettings, row(cfg, "sensors", source.sensor))
+    protocol, how = protocol_of(cfg)
+    if kalman is None:  # true states need no differences, so inputs cannot leak the future
+        return Perception(None, how.standstill_mps, sensor), replace(protocol, noncausal=False)
+    return Perception(KalmanBank.around(kalman, how.learn_noise), how.standstill_mps, sensor), protocol
+
+
+def protocol_of(cfg: Mapping[str, Any]) -> tuple[ForecastProtocol, Following]:
+    """Read what all forecasts have in common, and how people are followed."""
+    with configured("protocol"):
+        protocol, how = load_together([ForecastProtocol, Following], part(cfg, "protocol"))
+    return protocol, how
+
+
+def features_of(cfg: Mapping[str, Any], model: str) -> ModelFeatures:
+    """Read the sizes of a model's inputs."""
+    with configured(f"features.{model}"):
+        return parse_features(model, part(cfg, "features", model))
+
+
+def kalman_of(cfg: Mapping[str, Any], name: str) -> KalmanSettings:
+    """Read a tracker's row.
+
+    Raises:
+        ConfigError: there is none, it breaks a rule, or it is no Kalman filter.
+    """
+    with configured(f"trackers.{name}"):
+        kalman = parse_tracker(row(cfg, "trackers", name))
+    if kalman is None:
+        raise ConfigError(f"trackers.{name}.kind", "truth", "a Kalman filter is needed here")
+    return kalman
+
+
+def variants_of(key: str, source: DictConfig) -> list[str]:
+    """Read the variants of a row of simulations or places.
+
+    Raises:
+        ConfigError: they are no list, or one of them is unknown.
+    """
+    if not isinstance(source.variants, Sequence) or isinstance(source.variants, str):
+        raise ConfigError(f"{key}.variants", source.variants, "a list is needed")
+    for variant in source.variants:
+        one_of(f"{key}.variants", variant, VARIANTS)
+    return list(source.variants)
