@@ -117,9 +117,9 @@ def test_columns_that_a_file_names_are_not_named_again(tmp_path, name):
         (write_viswalk, "1.2000", "1,2000", 6),
         (write_kitti, "1.200000", "far", 1),
         (write_vsp, " - Num", " and a half - Num", 2),
-        (write_trajnet, '"f": 6, "p": 1', '"f": 6.5, "p": 1', 2),
-        (write_trajnet, '"x": 1.2', '"x": "far"', 2),
-        (write_trajnet, '{"f"', '{"prediction_number": 0, "f"', 2),
+        (write_trajnet, '"f": 6, "p": 1', '"f": 6.5, "p": 1', None),
+        (write_trajnet, '"x": 1.2', '"x": "far"', None),
+        (write_trajnet, '{"f"', '{"prediction_number": 0, "f"', None),
         (write_trajnet, '"fps": 5.0', '"fps": 0', None),
     ],
 )

@@ -41,17 +41,12 @@ def check(people: Trajectories, name: str, unit: str = "m", any_speed: bool = Fa
     except ValueRuleError as cause:
         remedy = "Is the right column used as id? Name it: --columns id=TITLE"
         raise ContentError(str(cause), remedy) from cause
-    check_interval(dt_s)
-    check_speeds(name, people, unit, any_speed)
+    _check_interval(dt_s)
+    _check_speeds(people, name, unit, any_speed)
     return dt_s
 
 
-def check_interval(dt_s: float) -> None:
-    """Check that the usual time between two detections of a track can be seconds.
-
-    Raises:
-        ContentError: it is too long; the message names the likely unit.
-    """
+def _check_interval(dt_s: float) -> None:
     for least, unit in _TOO_LONG.items():
         if dt_s >= least:
             problem = f"a track is usually detected every {dt_s:g} s: this looks like {unit}"
@@ -59,8 +54,7 @@ def check_interval(dt_s: float) -> None:
             raise ContentError(problem, remedy)
 
 
-def check_speeds(name: str, people: Trajectories, unit: str = "m", any_speed: bool = False) -> None:
-    """Check that people move as fast as people do; arguments and errors as of `check`."""
+def _check_speeds(people: Trajectories, name: str, unit: str, any_speed: bool) -> None:
     speed_mps = speeds_mps(people)
     if not len(speed_mps):
         return
