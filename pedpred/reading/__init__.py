@@ -7,7 +7,6 @@ A format is a module with `NAME`, `recognises(head)` and `read(path, options)`; 
 from __future__ import annotations
 
 import gzip
-import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -46,7 +45,6 @@ from pedpred.reading.tracks import agreed_unit, to_tracks
 from pedpred.scenes import OccupancyMap, Scene
 
 _LARGEST_BYTES, _BLOCK_BYTES, _MOST_FILES = 2**31, 2**20, 100_000
-_log = logging.getLogger(__name__)
 
 
 class Reader(Protocol):
@@ -65,22 +63,9 @@ class Reader(Protocol):
         """Read a file; raises `ContentError`, without the path."""
 
 
-FORMATS = cast(
-    tuple[Reader, ...],
-    (
-        jupedsim,
-        data_archive,
-        sumo,
-        stanford,
-        drones,
-        motion_capture,
-        vadere,
-        viswalk,
-        kitti,
-        atc,
-        trajnet,
-        vsp,
-    ),
+FORMATS: tuple[Reader, ...] = (
+    *(jupedsim, data_archive, sumo, stanford, drones, motion_capture),
+    *(vadere, viswalk, kitti, atc, trajnet, vsp),
 )
 """The first one that recognises a file is used; where none does, it is a table."""
 
@@ -144,11 +129,9 @@ def read_recording(path: Path, options: ReadOptions | None = None, with_walls: b
         unit = agreed_unit(content.unit, options)
         dt_s = check(tracks.people, str(path), unit, options.any_speed)
         walls = content.walls() if content.walls is not None and with_walls else None
-        if isinstance(walls, Geometry):
-            ground = occupancy_of(walls, CELL_M, WALL_M)
-        else:
-            walls, ground = None, OccupancyMap.free_around(tracks.people.position)
-        return Recording(Scene(path.stem, tracks.people, ground, dt_s), tracks.names, form, walls)
+        people = tracks.people
+        ground = occupancy_of(walls, CELL_M, WALL_M) if walls else OccupancyMap.free_around(people.position)
+        return Recording(Scene(path.stem, people, ground, dt_s), tracks.names, form, walls)
 
 
 @contextmanager
@@ -175,15 +158,15 @@ def _read_folder(folder: Path, options: ReadOptions) -> Table:
     if not 0 < len(files) <= _MOST_FILES:
         problem = f"{len(files)} files, expected 1 to {_MOST_FILES}"
         raise InputError(folder, None, problem, "Name another folder")
-    parts: list[pa.Table] = []
+    parts, count = [], 0
     for file in files:
         reader = format_of(file, options)
         with add_path(file):
-            table = reader.read(file, options)
-            names = [name for name in table.rows.column_names if name != "id"]
-            columns = {name: table.rows[name] for name in names}
-            columns |= {axis: pa.array(numbers(columns[axis], axis, table.before)) for axis in "xy"}
-            parts.append(pa.table(columns | {"id": pa.array([file.stem] * table.rows.num_rows)}))
-            check_size(sum(part.num_rows for part in parts))
+            part = reader.read(file, options)
+            columns = {name: part.rows[name] for name in part.rows.column_names}
+            columns |= {axis: pa.array(numbers(columns[axis], axis, part.before)) for axis in "xy"}
+            columns["id"] = pa.array([file.stem] * part.rows.num_rows, pa.string())
+            parts.append(pa.table(columns).select(sorted(columns)))
+            check_size(count := count + part.rows.num_rows)
     with add_path(folder):
-        return replace(table, rows=pa.concat_tables(parts), before=None)
+        return replace(part, rows=pa.concat_tables(parts), before=None)

@@ -21,6 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pedpred.reading.errors import ContentError
+from pedpred.reading.geometry import Geometry
 from pedpred.reading.head import Head
 from pedpred.reading.options import PIXELS, QUANTITIES, UNITS, ReadOptions
 from pedpred.reading.order import check_changes, ids_come_first
@@ -70,7 +71,7 @@ class Table:
     rows: pa.Table
     unit: str | None = None
     rate_hz: float | None = None
-    walls: Callable[[], object] | None = None
+    walls: Callable[[], Geometry | None] | None = None
     clock_s: float = 1.0
     before: int | None = None
 

@@ -26,7 +26,7 @@ from pedpred.geometry import Homography
 from pedpred.reading import read_recording
 from pedpred.reading.errors import ContentError, add_path
 from pedpred.reading.options import ReadOptions
-from pedpred.reading.text import BLANKS, TextForm, finite_numbers, read_columns, read_lines
+from pedpred.reading.text import read_lines
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.settings import In, Settings, load
 
@@ -97,10 +97,7 @@ def merged(groups: Iterable[set[int]]) -> list[set[int]]:
 def _read_homography(path: Path) -> Homography:
     check_input(path)
     with add_path(path):
-        names = ("h_1", "h_2", "h_3")
-        rows = read_columns(path, TextForm(names, BLANKS), {name: name for name in names}, ())
-        columns = [finite_numbers(rows[name].to_numpy(), name, 0) for name in names]
-        return Homography(np.stack(columns, axis=-1), first_pixel=_FIRST_PIXEL)
+        return Homography(np.loadtxt(path), first_pixel=_FIRST_PIXEL)
 
 
 def _read_groups(path: Path, known: set[int]) -> dict[int, int]:
