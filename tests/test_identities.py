@@ -181,4 +181,4 @@ def test_detections_that_are_noise_do_not_fill_the_memory():
     rng, tracks = np.random.default_rng(0), NearestTracks()
     for k in range(30):
         tracks.assign(k / 1000, rng.uniform(-1e4, 1e4, (300, 2)))
-        assert len(tracks._track_id) <= assignment._MOST_TRACKS + 300
+        assert len(tracks._tracks) <= assignment._MOST_TRACKS + 300

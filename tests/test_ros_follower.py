@@ -208,7 +208,7 @@ def test_more_people_than_can_wait_still_have_forecasts():
     assert sum(answers[150:]) > 0.7 * len(answers[150:])
 
 
-def test_people_who_wait_too_long_are_left_out_and_the_log_names_the_frames(caplog):
+def test_people_who_wait_too_long_are_left_out(caplog):
     follower = follower_of(transform_timeout_s=0.2)
     for at_s in (100.0, 100.1):
         move(follower, at_s, ("odom", "base_link", robot(at_s)))
@@ -242,7 +242,7 @@ def test_detections_near_the_robot_can_be_ignored(ignore_m):
 # Time
 
 
-def test_people_without_a_stamp_are_of_the_time_at_which_they_arrived():
+def test_people_without_a_stamp_are_of_their_arrival():
     """Not of that at which they are read: people of a queue that is read at once would seem to run."""
     follower, speeds = follower_of(max_wait_s=2.0), []
     for k in range(20):
@@ -384,7 +384,7 @@ def test_people_without_ids_are_refused_where_ids_are_asked_for():
 
 
 @pytest.mark.parametrize("name", ["", "nan", "-1"])
-def test_people_without_an_id_among_others_are_followed_by_position(name, caplog):
+def test_people_without_an_id_are_followed_by_position(name, caplog):
     """As in bags."""
     follower = follower_of()
     for k in range(20):
@@ -431,7 +431,7 @@ def test_of_too_many_people_the_first_ones_are_forecast(identities, caplog):
 # Maps and grids
 
 
-def test_the_grid_for_a_costmap_has_the_bytes_that_a_static_layer_reads():
+def test_the_grid_for_a_costmap_has_the_bytes_of_its_type():
     """CDR of nav_msgs/OccupancyGrid: per cent row by row along x, in the frame and with the stamp of now."""
     path = np.array([[[0.5, 0.5]], [[2.5, 1.5]]])
     spread = np.full((2, 1, 1, 2, 2), 1e-6) * np.eye(2)

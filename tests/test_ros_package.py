@@ -26,7 +26,7 @@ def test_the_file_of_parameters_has_the_nodes_names_and_kinds():
     NodeSettings(**{name: tuple(v) if isinstance(v, list) else v for name, v in given.items()})
 
 
-def test_rviz_and_the_costmap_layer_listen_to_what_the_node_publishes():
+def test_rviz_and_the_costmap_layer_subscribe_to_known_topics():
     published = {
         f"/{topic}": kind for topic, kind in output_types(NodeSettings(occupancy_cell_m=0.1), 10).items()
     }
@@ -117,7 +117,7 @@ def test_node_and_rviz_take_the_same_transforms(launched):
         assert (remapped["/tf"], remapped["/tf_static"]) == ("<tf>", ["<tf>", "_static"])
 
 
-def test_rviz_shows_the_topics_of_the_namespace_and_the_map_that_the_node_uses(launched):
+def test_rviz_shows_the_topics_of_the_namespace(launched):
     _, asked = launched
     topics = re.findall(r"Value: (/\S+)", (PACKAGE / "rviz/pedpred.rviz").read_text())
     assert len(topics) == 4

@@ -38,7 +38,7 @@ def update(x, y, values, frame="map"):
     return serialize(UPDATE_TYPE, content | {"x": x, "y": y, "width": width, "height": height})
 
 
-def test_a_map_in_another_frame_begins_anew_and_the_same_map_changes_nothing(caplog):
+def test_a_map_in_another_frame_begins_anew(caplog):
     caplog.set_level("INFO", "pedpred.ros2.follower")
     follower = follower_of(use_map=True)
     answered(follower, people(1.0, anna=(1.0, 0.0)))
@@ -170,7 +170,7 @@ def test_stamps_of_another_clock_are_a_warning(age_s):
     assert f"{age_s:.1f} s" not in diagnosed(follower, clock_ns=0)[1]
 
 
-def test_forecasts_without_a_map_or_in_a_frame_that_moves_are_a_warning():
+def test_no_map_and_a_frame_that_moves_are_a_warning():
     follower = follower_of(use_map=True, map_frame="robot1/base_link")
     answered(follower, people(1.0, "robot1/base_link", anna=(1.0, 0.0)))
     level, text = diagnosed(follower)
@@ -326,7 +326,7 @@ class Kept:
     warning = info = error
 
 
-def test_kinds_of_errors_do_not_hide_each_other_and_do_not_pile_up():
+def test_kinds_of_errors_do_not_hide_each_other():
     kept = Kept()
     handler, log = RosHandler(kept), logging.Logger("node")
     log.addHandler(handler)

@@ -25,7 +25,7 @@ def guarded(lost: str, callback: Callable[..., None]) -> Callable[..., None]:
     def called(*arguments: Any) -> None:
         try:
             callback(*arguments)
-        except Exception as problem:  # whatever is wrong with this message, the next one may be right
+        except Exception as problem:  # the next message may be sound
             name, field = type(problem).__name__, str(getattr(problem, "field", "")).partition("[")[0]
             text = "%s: " + ("" if isinstance(problem, PedpredError) else f"{name}: ")
             _log.error(text + "%s", lost, problem, extra={"kind": (lost, name, field)})
