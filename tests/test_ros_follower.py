@@ -25,7 +25,6 @@ from tests.following import (
     contents,
     crowd,
     follower_of,
-    grid,
     move,
     people,
     rows_of,
@@ -376,13 +375,6 @@ def test_viewers_keep_the_markers_of_all_people(other):
 # Identities
 
 
-def test_people_without_ids_are_refused_where_ids_are_asked_for():
-    unnamed = people(1.0, **{"": (0.0, 0.0)})
-    with pytest.raises(ValueRuleError):
-        answered(follower_of(identities="given"), unnamed)
-    assert answered(follower_of(), unnamed)
-
-
 @pytest.mark.parametrize("name", ["", "nan", "-1"])
 def test_people_without_an_id_are_followed_by_position(name, caplog):
     """As in bags."""
@@ -395,16 +387,6 @@ def test_people_without_an_id_are_followed_by_position(name, caplog):
     assert caplog.records
 
 
-def test_ids_that_do_not_stay_with_people_are_not_used(caplog):
-    follower = follower_of()
-    for k in range(80):
-        here = [(f"{name}{k}", (1.0 + k / 10, y)) for name, y in (("a", 0.0), ("b", 3.0))]
-        published = answered(follower, crowd(1.0 + k / 10, here))
-    assert any(record.name == "pedpred.ros.identities" for record in caplog.records)
-    assert len(tracks_of(published)) == 2
-    assert rows_of(published["predictions"])["x"].max() > 8.9 + 1.0  # they are seen to walk
-
-
 @pytest.mark.parametrize("first", [0, 12])
 def test_people_whose_ids_come_and_go_do_not_seem_to_move(first):
     """Numbers of people that are identified by position are not those of ids."""
@@ -414,18 +396,6 @@ def test_people_whose_ids_come_and_go_do_not_seem_to_move(first):
         here = list(zip(names, [(0.0, 0.8), (0.0, 0.0)], strict=True))
         found = seen(answered(follower, crowd(1.0 + k / 10, here[:: 1 - 2 * (k % 2)])))
         assert np.abs([velocity for _, velocity in found.values()]).max() < 0.01
-
-
-@pytest.mark.parametrize("identities", ["given", "assigned"])
-def test_of_too_many_people_the_first_ones_are_forecast(identities, caplog):
-    follower = follower_of(identities=identities, most_people=3)
-    for k, count in enumerate((2, 5000, 5000)):
-        here = {str(n): (5.0 * n, k / 10) for n in range(count)}
-        first = int(identities == "assigned")
-        found = tracks_of(answered(follower, people(1.0 + k / 10, **here)))
-        assert found == {*range(first, first + min(count, 3))}
-    assert follower.counts.without_forecast == 2 * 4997
-    assert caplog.records
 
 
 # Maps and grids
@@ -463,14 +433,6 @@ def test_grids_cover_the_map_in_cells_of_at_least_0_1_m(cell_m):
     info = answered(follower, people(1.0, eve=(1.0, 1.0)))["predicted_occupancy/horizon"]["info"]
     assert info["resolution"] == max(cell_m, 0.1)
     assert info["width"] * info["resolution"] == pytest.approx(60.0)
-
-
-def test_a_large_map_has_larger_cells_and_a_warning(caplog):
-    follower = follower_of(use_map=True, occupancy_cell_m=0.1)
-    follower.take_map(grid(np.zeros((1000, 1000))))
-    published = answered(follower, people(1.0, eve=(1.0, 1.0)))
-    assert published["predicted_occupancy/horizon"]["info"]["resolution"] > 0.1
-    assert caplog.records
 
 
 _FIRST_MESSAGE = """
