@@ -48,7 +48,7 @@ def assert_sound(forecast, track_id):
 
 @pytest.mark.parametrize("jump_m", [12.0, 300.0, 2e4, 9e7])
 def test_an_id_that_jumps_is_a_new_person(folder, jump_m):
-    """All forecasts are those of a stream in which the person leaves and somebody else appears."""
+    """All forecasts are those of a stream in which the person leaves and another one appears."""
     rng = np.random.default_rng(1)
     start, velocity = walkers(rng, people=8, apart_m=100.0)
     robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
@@ -72,7 +72,7 @@ def test_an_id_that_jumps_is_a_new_person(folder, jump_m):
     gaps=st.lists(st.floats(-6, 1), min_size=4, max_size=8),
 )
 def test_no_jump_and_no_gap_spoils_a_forecast(folder, seed, jumps, gaps):
-    """Jumps of 1 m to 1e8 m, frames 1 us to 10 s apart: everybody has a forecast, the others the same."""
+    """Jumps of 1 m to 1e8 m, frames 1 us to 10 s apart: all people have forecasts, the others the same."""
     rng = np.random.default_rng(seed)
     start, velocity = walkers(rng, people=8)
     robot, other, now = OnlinePredictor.load(folder), OnlinePredictor.load(folder), 0.0
@@ -80,7 +80,7 @@ def test_no_jump_and_no_gap_spoils_a_forecast(folder, seed, jumps, gaps):
     for k in range(22):
         now += 10.0 ** gaps[k % len(gaps)] if k >= 10 else 0.1
         position = np.clip(start + now * velocity, -50, 50) + rng.normal(0, 0.05, start.shape)
-        position[JUMPER] += 300.0  # whoever meets others concerns them
+        position[JUMPER] += 300.0  # far from the others, on whom it would have an influence
         without = robot_sees = position
         if k >= 10 and k % 3 == 0:
             robot_sees = position.copy()

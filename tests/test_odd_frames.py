@@ -173,7 +173,7 @@ def test_of_too_many_people_those_who_came_first_are_forecast_as_if_alone(folder
 @given(st.lists(st.lists(st.integers(0, 9), unique=True, max_size=8), max_size=30), st.integers(1, 9))
 @settings(max_examples=40)
 def test_no_more_people_are_followed_than_the_limit_says(frames, most):
-    """Whoever is followed and is detected again stays; with room for everybody nobody is left out."""
+    """People who are followed and detected again stay; with room for all, none is left out."""
     robot, other, before = (
         OnlinePredictor.load(None, OnlineSettings(most_people=most)),
         OnlinePredictor.load(),

@@ -265,7 +265,7 @@ def test_late_messages_are_left_out_until_the_rest_is_in_time():
 
 
 def test_outputs_are_emptied_once_people_have_gone():
-    """A tracker may be silent when nobody is there, or end; a simulation that pauses changes nothing."""
+    """Trackers may be silent when there are no people, or end; a simulation that pauses changes nothing."""
     follower = follower_of(occupancy_cell_m=0.5)
     assert list(follower.clear_outputs(10**12)) == []
     for k in range(5):
