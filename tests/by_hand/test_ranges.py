@@ -101,8 +101,11 @@ RANGES = [
     (RowSettings, ROWS, "newborn", (), (-1,)),
     (RowSettings, ROWS, "shift_m", (), (-0.1,)),
     (RowSettings, ROWS, "seed", (), (-1,)),
-    (SequenceSets, {}, "worlds", ({"room": 1}, {"room": 1_000_000}), ({"arrangement": 1}, 3)),
-    *((SequenceSets, {}, "worlds", (), ({"room": count},)) for count in (0, 1_000_001, True, 2.0)),
+    (SequenceSets, {"scenes": ()}, "worlds", ({"room": 1}, {"room": 1_000_000}), ({"arrangement": 1}, 3)),
+    *(
+        (SequenceSets, {"scenes": ()}, "worlds", (), ({"room": count},))
+        for count in (0, 1_000_001, True, 2.0)
+    ),
     (SequenceSettings, SEQUENCES, "steps", (), (0,)),
     (SequenceSettings, SEQUENCES, "clip_norm", (), (0.0,)),
     (SequenceSettings, SEQUENCES, "lanes", (1,), (0, 100_001)),
