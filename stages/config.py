@@ -40,7 +40,7 @@ from pedpred.settings import check_names, load, load_each, load_together
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
-from pedpred.simulation.settings import SetUse, SimulationSettings, social_force_settings
+from pedpred.simulation.settings import SimulationSettings, social_force_settings
 from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.sources import SETTINGS, SOURCES
 from pedpred.sources.eth_ucy import EthUcySettings
@@ -63,7 +63,7 @@ from stages.row_types import (
     RecordingRows,
     Reference,
 )
-from stages.simulate import LAYOUTS, read_layouts
+from stages.simulate import LAYOUTS, SetTracking, read_layouts
 from stages.train import NONE, networks_of, phase_of, training_of
 from stages.validate_simulation import flow_of
 from stages.worlds import worlds_of
@@ -111,7 +111,7 @@ def _names(key: str, names: Iterable[str], known: Iterable[str]) -> None:
         one_of(key, name, dict.fromkeys(known))
 
 
-def _use(cfg: Params, key: str, use: SetUse) -> None:
+def _use(cfg: Params, key: str, use: SetTracking) -> None:
     """Check that a row of simulations or places refers to rows and variants that exist."""
     for name, group in {"tracker": "trackers", "sensor": "sensors", "social_force": "social_forces"}.items():
         one_of(f"{key}.{name}", getattr(use, name), cfg[group])
@@ -119,13 +119,13 @@ def _use(cfg: Params, key: str, use: SetUse) -> None:
 
 
 def _simulation(cfg: Params, name: str) -> None:
-    simulation = part(cfg, "simulations", name)
-    _names(f"simulations.{name}.drawn", SimulationSettings.parse(simulation).drawn, layout_names())
-    _use(cfg, f"simulations.{name}", load_together([SimulationSettings, SetUse], simulation)[1])
+    simulation, use = load_together([SimulationSettings, SetTracking], part(cfg, "simulations", name))
+    _names(f"simulations.{name}.drawn", simulation.drawn, layout_names())
+    _use(cfg, f"simulations.{name}", use)
 
 
 def _place(cfg: Params, name: str) -> None:
-    place, use = load_together([PlaceRow, SetUse], part(cfg, "places", name))
+    place, use = load_together([PlaceRow, SetTracking], part(cfg, "places", name))
     one_of(f"places.{name}.source", place.source, SOURCES)
     if place.source in SETTINGS:
         load(SETTINGS[place.source], place.settings, "settings")
