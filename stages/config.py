@@ -21,8 +21,8 @@ from pedpred.baselines.registry import baseline
 from pedpred.config import SETS, config_errors, configured, one_of, part, plain, read_params, row
 from pedpred.datasets.crops import CropSplit
 from pedpred.datasets.rows import EMBEDDED
+from pedpred.driving.places import KINDS
 from pedpred.driving.trials import NO_WORLD
-from pedpred.driving.worlds import KINDS
 from pedpred.errors import ConfigError
 from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker

@@ -16,16 +16,16 @@ from tqdm import tqdm
 from pedpred.command.conversion import MCAP, stem_of, write_layout_beside
 from pedpred.command.options import option_of
 from pedpred.command.recordings import OPEN_FIELDS, open_scene, warn_without_obstacles
-from pedpred.driving.episodes import DriveSettings, Recording
+from pedpred.driving.episodes import DriveSettings
 from pedpred.driving.figures import figures_of, summary
 from pedpred.driving.forecasters import NAMES, TRUTH
+from pedpred.driving.places import REACTIONS, Places, Recording, Worlds
 from pedpred.driving.planner import PlannerSettings, check_braking
 from pedpred.driving.robot import Robot
-from pedpred.driving.runs import Models, Places, Runner, checksum, run
-from pedpred.driving.sensor import SensorSettings
+from pedpred.driving.runs import Models, Runner, checksum, run
+from pedpred.driving.sensor import RobotSensor
 from pedpred.driving.shown import as_scene, describe, write_drive
 from pedpred.driving.table import Condition, Row, read_table, write_table
-from pedpred.driving.worlds import REACTIONS, Worlds
 from pedpred.errors import InputError, OutputError, ValueRuleError
 from pedpred.online.shipped import default_model
 
@@ -102,7 +102,7 @@ def drive(arguments: argparse.Namespace) -> None:
     settings = DriveSettings(
         robot=_robot(arguments),
         planner=PlannerSettings(),
-        sensor=SensorSettings(arguments.range_m, view_rad, arguments.noise_m, arguments.missed),
+        sensor=RobotSensor(arguments.range_m, view_rad, arguments.noise_m, arguments.missed),
         seed=arguments.seed,
         shown=arguments.shown,
     )
