@@ -17,7 +17,7 @@ from pedpred.evaluation.windows import ask_about_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.features.surroundings import present_rows
-from pedpred.forecasting.chain import instant_blocks
+from pedpred.forecasting.blocks import instant_blocks
 from pedpred.online.assessment import assess
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from tests.exported import TRACKER
@@ -67,7 +67,7 @@ def test_figures_do_not_depend_on_the_size_of_the_blocks(kind, crowd, request, m
 
 
 def same_in_blocks(rows, whole, crowd, folder, monkeypatch):
-    monkeypatch.setattr("pedpred.forecasting.chain._ROWS_AT_ONCE", rows)
+    monkeypatch.setattr("pedpred.forecasting.blocks._ROWS_AT_ONCE", rows)
     monkeypatch.setattr(EXTRACT, "_ROWS_AT_ONCE", rows)
     blocks = assess(crowd, predictor_for(crowd, folder), SETTINGS)
     assert list(blocks) == list(whole)
@@ -97,7 +97,7 @@ def test_each_detection_takes_little_memory(mixture):
 def test_blocks_hold_whole_instants(times, rows):
     time_s = np.sort(times)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pedpred.forecasting.chain._ROWS_AT_ONCE", rows)
+        patch.setattr("pedpred.forecasting.blocks._ROWS_AT_ONCE", rows)
         blocks = instant_blocks(time_s)
     assert [row for begin, end in blocks for row in range(begin, end)] == list(range(len(time_s)))
     assert all(time_s[begin] > time_s[begin - 1] for begin, _ in blocks[1:])

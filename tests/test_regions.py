@@ -12,7 +12,7 @@ from pedpred.forecasting.regions import Regions
 from pedpred.metrics.calibration import REGIONS, coverage, share_inside
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.scenes import Predictions
-from tests.forecasts import learned
+from tests.learners import at_instant, learned, place_of
 
 STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
 STAND, WALK = 0, 1
@@ -82,12 +82,13 @@ def test_nothing_is_learned_from_the_future(seed, cut):
 
 
 def stepped(regions, predictions, track_id, time_s, here, frames):
-    """Regions after some frames."""
+    """The place after some frames."""
+    place = place_of(regions)
     for time in np.unique(time_s)[frames]:
         rows = np.flatnonzero(time_s == time)
         own = predictions.select(rows)
-        regions, _ = regions.after(float(time), track_id[rows], here[rows], rows >= 0, own)
-    return regions
+        place, _ = at_instant(place, time, track_id[rows], here[rows], rows >= 0, own)
+    return place
 
 
 @pytest.mark.parametrize(("until", "compared_s"), [(4, 0.0), (5, 0.3), (6, 0.6), (9, 1.5), (14, 3.0)])
@@ -95,7 +96,7 @@ def test_each_step_learns_as_soon_as_its_time_has_come(until, compared_s):
     """The first forecasts are kept at 0.9 s, when people have been detected four times; 0.2 s are waited."""
     time_s, track_id, here, right = walks(np.random.default_rng(2), frames=20)
     given_ = scaled(right, 0.4)
-    regions = stepped(Regions.unlearned(STEPS), given_, track_id, time_s, here, slice(until + 1))
+    regions = stepped(Regions.initial(STEPS), given_, track_id, time_s, here, slice(until + 1)).regions
     over = (regions.steps + 1) * DT_S < compared_s + 0.01
     assert (regions.learned[0, STAND, over] > 0.02).all()
     np.testing.assert_array_equal(regions.learned[0, STAND, ~over], 0.0)
@@ -106,13 +107,13 @@ def test_people_who_leave_teach_nothing_in_the_end():
     time_s, track_id, here, right = walks(np.random.default_rng(9), frames=24, people=5)
     stays = time_s < 2.8
     given_ = scaled(right, 0.5)
-    regions = stepped(Regions.unlearned(STEPS), given_, track_id, time_s, here, slice(10))
-    assert (regions.learned[0, STAND, :2] > 0.02).all()
+    place = stepped(Regions.initial(STEPS), given_, track_id, time_s, here, slice(10))
+    assert (place.regions.learned[0, STAND, :2] > 0.02).all()
     nobody = np.flatnonzero(~stays)[:0]
     for time in np.unique(time_s[~stays]):
         own = given_.select(nobody)
-        regions, _ = regions.after(float(time), track_id[nobody], here[nobody], nobody >= 0, own)
-    np.testing.assert_allclose(regions.learned, 0.0, atol=1e-12)
+        place, _ = at_instant(place, time, track_id[nobody], here[nobody], nobody >= 0, own)
+    np.testing.assert_allclose(place.regions.learned, 0.0, atol=1e-12)
 
 
 @settings(deadline=None)
@@ -142,25 +143,27 @@ def test_forecasts_without_covariances_stay():
 
 def test_what_is_kept_does_not_grow():
     time_s, track_id, here, predictions = walks(np.random.default_rng(5), frames=300, people=30)
-    regions, sizes = Regions.unlearned(STEPS), []
+    place, sizes = place_of(Regions.initial(STEPS)), []
     for frame in range(300):
         rows = np.arange(frame * 30, (frame + 1) * 30)
         own = predictions.select(rows)
-        regions, _ = regions.after(time_s[rows[0]], track_id[rows] + frame, here[rows], rows >= 0, own)
-        sizes.append((len(regions.waiting), len(regions.taught.step), len(regions.detections.time_s)))
+        place, _ = at_instant(place, time_s[rows[0]], track_id[rows] + frame, here[rows], rows >= 0, own)
+        regions = place.regions
+        sizes.append((len(regions.pending), len(regions.adjustment.step), len(place.detections.time_s)))
     assert (np.max(sizes, axis=0) == np.max(sizes[:50], axis=0)).all()
     assert np.max(sizes) < 50 * 30
 
 
 def test_with_nobody_known_it_keeps_what_it_learned():
     time_s, track_id, here, predictions = walks(np.random.default_rng(6), frames=60)
-    regions = Regions.unlearned(STEPS)
+    place = place_of(Regions.initial(STEPS))
     for frame in range(60):
         rows = np.arange(frame * 20, (frame + 1) * 20)
         own = scaled(predictions.select(rows), 0.5)
-        regions, _ = regions.after(time_s[rows[0]], track_id[rows], here[rows], rows >= 0, own)
-    alone = regions.without_people()
-    assert (alone.waiting, len(alone.detections.time_s), len(alone.taught.step)) == ((), 0, 0)
+        place, _ = at_instant(place, time_s[rows[0]], track_id[rows], here[rows], rows >= 0, own)
+    left = place.without_people()
+    regions, alone = place.regions, left.regions
+    assert (alone.pending, len(left.detections.time_s), len(alone.adjustment.step)) == ((), 0, 0)
     own = predictions.select(np.arange(20))
     np.testing.assert_array_equal(alone.scaled(own).covariance, regions.scaled(own).covariance)
     assert (regions.scaled(own).covariance[:, 0, :, 0, 0] > own.covariance[:, 0, :, 0, 0]).all()
@@ -209,9 +212,7 @@ def test_no_region_shrinks_to_where_declared_noise_would_hide_it(noise_m, long_m
     covariance = np.tile(np.diag([long_m**2, short_m**2]), (1, 1, STEPS, 1, 1))
     stands = Predictions.single(np.zeros((1, STEPS, 2)), DT_S, covariance[:, 0])
     shrunk = np.stack([np.full((2, 4), -3.0), np.zeros((2, 4))])
-    sure, noisy_ = (
-        replace(Regions.unlearned(STEPS, n), learned=shrunk).scaled(stands) for n in (0.0, noise_m)
-    )
+    sure, noisy_ = (replace(Regions.initial(STEPS, n), learned=shrunk).scaled(stands) for n in (0.0, noise_m))
     np.testing.assert_allclose(sure.covariance, np.exp(-6.0) * stands.covariance)
     least_m = min(short_m, max(noise_m / 4, np.exp(-3.0) * short_m))
     np.testing.assert_allclose(noisy_.covariance, (least_m / short_m) ** 2 * stands.covariance)

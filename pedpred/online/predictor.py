@@ -13,7 +13,7 @@ import numpy as np
 from pedpred.errors import ValueRuleError, brief
 from pedpred.features import ForecastProtocol, Neighbours, Surroundings
 from pedpred.files import as_path, check_input, check_output
-from pedpred.forecasting.chain import Chain, Place
+from pedpred.forecasting.postprocessing import PlaceKnowledge, Postprocessing
 from pedpred.geometry import rotate
 from pedpred.online.caution import have_just_appeared, moving_shares, shorten_paths
 from pedpred.online.correction import Correction
@@ -74,7 +74,9 @@ class OnlinePredictor:
         if learns is None:
             learns = self._about.learn_noise and self._settings.tracker is None
         self._bank = KalmanBank.around(self._about.tracker, learns)
-        self._chain = Chain(noise_m=self._settings.detection_noise_m, trust=self._settings.learn_trust)
+        self._postprocessing = Postprocessing(
+            noise_m=self._settings.detection_noise_m, trust=self._settings.learn_trust
+        )
         self._map: OccupancyMap | None = None
         self.name: Callable[[int], object] = int
         self.reset()
@@ -154,10 +156,10 @@ class OnlinePredictor:
         checksum = self._network.checksum
         self._begin(*read_place(as_path("path", path), self._unlearned(), checksum))
 
-    def _unlearned(self) -> Place:
-        return self._chain.unlearned(self.protocol.horizon_steps)
+    def _unlearned(self) -> PlaceKnowledge:
+        return self._postprocessing.initial(self.protocol.horizon_steps)
 
-    def _begin(self, place: Place, unused: dict[str, Any]) -> None:
+    def _begin(self, place: PlaceKnowledge, unused: dict[str, Any]) -> None:
         """Start with nobody, and with what was learned; see `read_place`."""
         self._unused, self._doubts = unused, Doubts.none()
         self._people, self._now, self._jumps, self._lives = self._nobody(), -np.inf, 0, 0
@@ -276,8 +278,8 @@ class OnlinePredictor:
         return self._last
 
     def _detected(
-        self, people: People, place: Place, frame: Frame, time_s: float
-    ) -> tuple[People, Place, Forecast]:
+        self, people: People, place: PlaceKnowledge, frame: Frame, time_s: float
+    ) -> tuple[People, PlaceKnowledge, Forecast]:
         """People after the detections of a frame, what is learned, and forecasts at a time, not before it."""
         people, frame = self._within_limit(people, frame)
         before = people.track_id[contradicted(people.astray)]
@@ -388,12 +390,12 @@ class OnlinePredictor:
     def _forecast(
         self,
         people: People,
-        place: Place,
+        place: PlaceKnowledge,
         rows: np.ndarray,
         predictions: Predictions,
         velocities: np.ndarray,
         time_s: float,
-    ) -> tuple[Place, Forecast]:
+    ) -> tuple[PlaceKnowledge, Forecast]:
         """What is given for some people, and what is learned from it."""
         observers = people.at(rows, time_s)
         position, heading = observers.position, observers.heading_rad
@@ -403,7 +405,7 @@ class OnlinePredictor:
             seen = (people.seen_s[rows] == time_s) & people.past["kept"][rows]
             lives, detection = people.life[rows], people.detection[rows]
             alone = there.point
-            place, there = self._chain.apply(place, there, position, time_s, lives, detection, seen)
+            place, there = self._postprocessing.apply(place, there, position, time_s, lives, detection, seen)
             world = world + np.diff(there.point - alone, axis=1, prepend=0.0) / there.dt_s
         share = self._moving_shares(people, rows)
         if not (share == 1.0).all():
