@@ -11,7 +11,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.ros.detections import DetectionFrame, find_usable
 from pedpred.ros.people import PEOPLE_FIELDS, PeopleFields, parse_fields
 from pedpred.scenes import Trajectories
-from tests.bags import Filled
+from tests.bags import Store
 
 BOXES = "vision_msgs/msg/Detection3DArray"
 ANY = PeopleFields("people", id="id", position="position", label="label")
@@ -63,24 +63,24 @@ def test_ids_are_text(written, text):
 )
 def test_positions_are_messages_or_arrays(position):
     seen = DetectionFrame.from_message(message_of(person(1, position)), ANY, 0)
-    assert seen.places.tolist() == [[1.0, 2.0, 3.0]]
+    assert seen.positions.tolist() == [[1.0, 2.0, 3.0]]
 
 
 def test_a_list_of_positions_is_a_list_of_people():
     message = message_of(point(1.0, 2.0), point(3.0, 4.0))
     seen = DetectionFrame.from_message(message, parse_fields("people,position="), 0)
-    assert seen.places.tolist() == [[1, 2, 0], [3, 4, 0]]
+    assert seen.positions.tolist() == [[1, 2, 0], [3, 4, 0]]
     assert seen.ids == ("", "")
 
 
 def test_positions_may_lack_a_height():
     flat = [person(1, [1.0, 2.0]), person(2, Message(x=3.0, y=4.0))]
-    assert DetectionFrame.from_message(message_of(*flat), ANY, 0).places.tolist() == [[1, 2, 0], [3, 4, 0]]
+    assert DetectionFrame.from_message(message_of(*flat), ANY, 0).positions.tolist() == [[1, 2, 0], [3, 4, 0]]
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, 1e300])
 def test_impossible_coordinates_are_unknown(wrong):
-    places = DetectionFrame.from_message(message_of(person(1, point(wrong, 2.0))), ANY, 0).places
+    places = DetectionFrame.from_message(message_of(person(1, point(wrong, 2.0))), ANY, 0).positions
     np.testing.assert_array_equal(places, [[np.nan, 2.0, 0.0]])
 
 
@@ -145,7 +145,7 @@ def test_only_people_are_taken_among_classes(labels, classes, kept):
 
 def boxes(*results, edition=0, centre=(0.0, 0.0)):
     """A detection of vision_msgs; a result is (class, score, x of its pose)."""
-    store, made = Filled(edition), []
+    store, made = Store(edition), []
     for label, score, x in results:
         pose = store.make("geometry_msgs/msg/PoseWithCovariance", pose=store.pose(x, 1.0))
         if edition == 0:
@@ -155,7 +155,7 @@ def boxes(*results, edition=0, centre=(0.0, 0.0)):
             likely = {"id": label, "score": score}
         made.append(store.make("vision_msgs/msg/ObjectHypothesisWithPose", **likely, pose=pose))
     box = store.make("vision_msgs/msg/BoundingBox3D", center=store.pose(*centre))
-    one = store.make("vision_msgs/msg/Detection3D", results=made, bbox=box, id="7")
+    one = store.make("vision_msgs/msg/Detection3D", results=made, bbox=box, id="7", tracking_id="7")
     return store.make(BOXES, header=store.header(1.0, "map"), detections=[one])
 
 
@@ -170,7 +170,7 @@ def test_the_likeliest_class_of_a_box_counts(edition):
 @pytest.mark.parametrize(("centre", "x"), [((3.0, 0.0), 3.0), ((0.0, 0.0), 5.0)])
 def test_a_box_without_a_centre_is_at_its_likeliest_pose(centre, x):
     message = boxes(("person", 0.3, 4.0), ("person", 0.6, 5.0), centre=centre)
-    assert DetectionFrame.from_message(message, PEOPLE_FIELDS[BOXES], 0).places[0, 0] == x
+    assert DetectionFrame.from_message(message, PEOPLE_FIELDS[BOXES], 0).positions[0, 0] == x
 
 
 def test_the_robot_of_a_simulator_is_left_out():

@@ -85,7 +85,8 @@ def test_many_places_are_divided_into_tables_that_fit_a_page():
 
 def test_the_tables_stay_as_they_are_while_a_tested_place_has_no_figures(tmp_path, caplog):
     shutil.copy(ROOT / "params.yaml", tmp_path)
-    shutil.copytree(ROOT / "reports/metrics", tmp_path / "reports/metrics")
+    for name in ("reports/metrics", "conf/report"):
+        shutil.copytree(ROOT / name, tmp_path / name)
     (tmp_path / "README.md").write_text("<!-- table: unseen -->\nold\n<!-- end -->\n")
     assert "lab corner" in readme.pages(tmp_path)[tmp_path / "README.md"]
     path = tmp_path / "reports/metrics/real.json"

@@ -4,20 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pedpred.command import main
 from pedpred.errors import ShapeError, ValueRuleError
 from pedpred.ros import check_recordable, write_recording
+from pedpred.ros.grids import GRID_TYPE, HORIZON, MOST_CELLS, fitting_ground, grid_messages, grid_topic
 from pedpred.ros.message_types import known_types, serialize
-from pedpred.ros.planning import (
-    GRID_TYPE,
-    PREDICTIONS,
-    PREDICTIONS_TYPE,
-    ROW,
-    grid_messages,
-    grid_topic,
-    predictions_message,
-)
+from pedpred.ros.planning import PREDICTIONS, PREDICTIONS_TYPE, ROW, predictions_message
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
 from pedpred.storage.scenes import write_scene
 from tests.recorded import STEPS, contents, small_scene, walking_on
@@ -88,6 +83,32 @@ def test_grids_are_stamped_with_the_time_that_they_are_about():
         assert (message.info.map_load_time.sec, message.info.width, message.info.height) == (5, 30, 20)
         cells = message.data.reshape(20, 30).T
         np.testing.assert_allclose(cells, 100 * expected[step], atol=0.51)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 4), st.sampled_from([3.0, 30.0, 300.0]))
+@settings(max_examples=40)
+def test_grids_are_those_of_the_whole_ground_wherever_people_are(seed, people, spread_m):
+    rng = np.random.default_rng(seed)
+    path = rng.normal(0, spread_m, (people, 2, 3, 2))
+    weight = np.tile([0.7, 0.3], (people, 1))
+    covariance = np.eye(2) * rng.uniform(1e-4, 1.0, (people, 2, 3, 1, 1))
+    forecasts = Predictions((weight[..., None, None] * path).sum(1), path, weight, 0.3, covariance)
+    ground = OccupancyMap(np.zeros((70, 40), bool), np.array([-20.0, -7.0]), 0.5)
+    expected = np.rint(100 * predicted_occupancy(forecasts, ground)).astype(int)
+    found = grid_messages(forecasts, ground, 0, "map", horizon=True)
+    cells = [np.asarray(found[grid_topic(step + 1)]["data"]).reshape(40, 70).T for step in range(3)]
+    assert np.abs(np.array(cells) - expected).max() <= 1
+    np.testing.assert_array_equal(found[HORIZON]["data"], np.max(cells, axis=0).T.ravel())
+
+
+@given(st.integers(1, 300), st.integers(1, 300), st.floats(-3, 6), st.floats(-1, 1), st.integers(1, 20))
+def test_the_cells_of_predicted_occupancy_are_never_too_many(width, height, side, cell, steps):
+    """Nor larger than asked for without need."""
+    ground = OccupancyMap(np.zeros((width, height), bool), np.zeros(2), 10.0**side)
+    cut = fitting_ground(ground, 10.0**cell, steps)
+    assert cut.occupied.size * steps <= MOST_CELLS
+    assert cut.resolution_m == 10.0**cell or cut.occupied.size * steps > MOST_CELLS / 8
+    assert (cut.extent_m >= ground.extent_m * (1 - 1e-9)).all()
 
 
 def test_wide_modes_are_in_their_cells_too():

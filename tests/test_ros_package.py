@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from pedpred.ros2.outputs import output_types
-from pedpred.ros2.settings import NodeSettings, fields_of
+from pedpred.ros2.settings import PARAMETERS, NodeSettings
 from tests.conftest import ROOT, with_ros
 
 PACKAGE = ROOT / "ros/pedpred_ros"
@@ -19,7 +19,7 @@ PACKAGE = ROOT / "ros/pedpred_ros"
 
 def test_the_file_of_parameters_has_the_nodes_names_and_kinds():
     given = yaml.safe_load((PACKAGE / "config/pedpred.yaml").read_text())["/**"]["ros__parameters"]
-    known = {name: default for name, default, _ in fields_of(NodeSettings)}
+    known = {name: default for name, (default, _) in PARAMETERS.items()}
     assert given.keys() <= known.keys()
     for name, value in given.items():
         assert type(tuple(value) if isinstance(value, list) else value) is type(known[name]), name
@@ -61,13 +61,13 @@ warm_up()
 settings = NodeSettings(use_map=False, identities="assigned", occupancy_cell_m=0.5)
 follower = Follower(OnlinePredictor.load(), settings)
 ground = OccupancyMap(np.zeros((9, 9), bool), np.zeros(2), 0.5)
-follower.map_came(serialize("nav_msgs/msg/OccupancyGrid", map_message(ground, 0)))
+follower.take_map(serialize("nav_msgs/msg/OccupancyGrid", map_message(ground, 0)))
 turn = {"translation": {"x": 1.0}, "rotation": {"w": 1.0}}
 edges = [{"header": {"frame_id": "map"}, "child_frame_id": "robot", "transform": turn}]
-follower.transforms_came(serialize("tf2_msgs/msg/TFMessage", {"transforms": edges}), 0.0, fixed=True)
-people = [{"name": "7", "position": {"x": 1.0}}]
-follower.people_came(serialize(PEOPLE_TYPE, {"header": {"frame_id": "robot"}, "people": people}), 10**9, 0.0)
-topics = {answer.topic for answer in follower.answers(0.0)}
+follower.inbox.take_transforms(serialize("tf2_msgs/msg/TFMessage", {"transforms": edges}), 0.0, fixed=True)
+people = {"header": {"frame_id": "robot"}, "people": [{"name": "7", "position": {"x": 1.0}}]}
+follower.inbox.take_people(serialize(PEOPLE_TYPE, people), 10**9, 0.0)
+topics = {output.topic for output in follower.outputs(0.0)}
 assert topics >= {"predictions", "predictions/markers", "predicted_occupancy/horizon"}
 """
 
@@ -133,4 +133,4 @@ def test_help_lists_every_parameter_without_an_installed_ros():
     )
     assert told.returncode == 0, told.stderr
     told_of = {line.partition(" ")[0] for line in told.stdout.splitlines()}
-    assert {name for name, _, _ in fields_of(NodeSettings)} <= told_of
+    assert PARAMETERS.keys() <= told_of

@@ -17,7 +17,6 @@ from pedpred.driving.course import (
     course_to,
     part_at,
     route,
-    value_at,
     walls_of,
 )
 from pedpred.driving.people import Crowd, RecordedPeople, Replay, Window
@@ -28,6 +27,7 @@ from pedpred.driving.walkers import Walkers
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene
 from pedpred.settings import In, Settings
+from pedpred.simulation.physics import value_at
 
 _TRIES = 20_000
 _MOST_ROUTES = 1000  # are computed, which takes longer than all else

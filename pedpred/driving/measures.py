@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pedpred.driving.course import Walls, value_at
+from pedpred.driving.course import Walls
 from pedpred.driving.loop import Drive
 from pedpred.driving.risk import contact_m
 from pedpred.driving.robot import Robot
 from pedpred.scenes import BODY_M
+from pedpred.simulation.physics import value_at
 
 _MOVING_MPS = 0.05
 _NEW_S = 1.0

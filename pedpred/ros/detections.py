@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import brief
-from pedpred.ros.people import PeopleFields, class_of, id_of, people_of, places_of
+from pedpred.ros.people import PeopleFields, class_of, id_of, people_of, positions_of
 from pedpred.ros.tf import frame_name
 from pedpred.scenes import rule_of
 from pedpred.scenes.people import PERSON_CLASSES, is_person
@@ -21,9 +21,9 @@ class DetectionFrame:
 
     Attributes:
         time_ns: stamp of the message, or the time of its arrival where it has none.
-        frame: of the places, without a leading slash; empty where the message names none.
+        frame: of the positions, without a leading slash; empty where the message names none.
         ids: as text, empty where the message has none. [N]
-        places: m; NaN where unknown. [N, 3]
+        positions: m; NaN where unknown. [N, 3]
         others: classes of the detections that are not people, and are left out.
         is_stamped: whether the message has a stamp.
     """
@@ -31,7 +31,7 @@ class DetectionFrame:
     time_ns: int
     frame: str
     ids: tuple[str, ...]
-    places: np.ndarray
+    positions: np.ndarray
     others: tuple[str, ...] = ()
     is_stamped: bool = True
 
@@ -61,15 +61,15 @@ class DetectionFrame:
         """
         detected = people_of(message, fields)
         labels = [class_of(one, fields) for one in detected]
-        wanted = {label for label in set(labels) if is_person(label, classes)}
-        people = [one for one, label in zip(detected, labels, strict=True) if label in wanted]
-        others = tuple(label for label in labels if label not in wanted)
+        chosen = {label for label in set(labels) if is_person(label, classes)}
+        people = [one for one, label in zip(detected, labels, strict=True) if label in chosen]
+        others = tuple(label for label in labels if label not in chosen)
         headers = [one.header for one in (message, *detected[:1]) if hasattr(one, "header")]
         frame = next((each.frame_id for each in headers if each.frame_id), "")
         time_ns = headers[0].stamp.sec * 10**9 + headers[0].stamp.nanosec if headers else 0
         ids = tuple(id_of(one, fields) for one in people)
-        places = places_of(people, fields)
-        return cls(time_ns or received_ns, frame_name(frame), ids, places, others, time_ns != 0)
+        positions = positions_of(people, fields)
+        return cls(time_ns or received_ns, frame_name(frame), ids, positions, others, time_ns != 0)
 
 
 def find_usable(

@@ -14,17 +14,10 @@ from tqdm import tqdm
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.files import atomic_write
+from pedpred.ros.grids import GRID_TYPE, grid_messages, grid_topic
 from pedpred.ros.markers import Colour, markers_message
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition, serialize
-from pedpred.ros.planning import (
-    GRID_TYPE,
-    PREDICTIONS,
-    PREDICTIONS_TYPE,
-    grid_messages,
-    grid_topic,
-    predictions_message,
-    warn_of_rounding,
-)
+from pedpred.ros.planning import PREDICTIONS, PREDICTIONS_TYPE, predictions_message, warn_of_rounding
 from pedpred.ros.scene_messages import (
     FRAME,
     Content,

@@ -77,8 +77,5 @@ class LiveMap:
         grid = updated_grid(self.grid, decode(raw, UPDATE_TYPE))
         is_same = np.array_equal(blocked(grid.data), blocked(self.grid.data))
         return replace(
-            self,
-            grid=grid,
-            is_updated=True,
-            occupancy=self.occupancy if is_same else map_of_grid(grid),
+            self, grid=grid, is_updated=True, occupancy=self.occupancy if is_same else map_of_grid(grid)
         )

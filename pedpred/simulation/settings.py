@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pedpred.errors import ValueRuleError
 from pedpred.settings import (
@@ -17,10 +17,43 @@ from pedpred.settings import (
     load,
     load_together,
 )
-from pedpred.simulation.forces import ForceSettings
 
 _NARROWEST = 0.1
 """Least width of the range of speeds, in deviations: at least 2 % of the draws lie in it."""
+
+
+class ForceSettings(NamedTuple):
+    """Constants of the model, Helbing & Molnar 1995, section III.
+
+    Attributes:
+        relaxation_time_s: tau, time to regain the desired velocity.
+        speed_cap: largest speed as a multiple of the desired one.
+        pedestrian_strength: V0, m^2/s^2.
+        pedestrian_range_m: sigma.
+        anticipation_s: Delta t, the ellipse looks s = |v| Delta t ahead of the other.
+        border_strength: U0, m^2/s^2.
+        border_range_m: R.
+        sight_cosine: cosine of the half angle of sight.
+        unseen_weight: c, weight of a force from outside the field of sight.
+        group_gaze: beta_1 of Moussaid et al. 2010, 1/s per radian.
+        group_attraction: beta_2, m/s^2.
+        group_repulsion: beta_3, m/s^2.
+        group_distance_m: d0, members closer than this repel each other.
+    """
+
+    relaxation_time_s: Annotated[float, In("(0, 100]")]
+    speed_cap: Annotated[float, In("(0, 100]")]
+    pedestrian_strength: Annotated[float, In("[0, 10000]")]
+    pedestrian_range_m: Annotated[float, In("(0, 100]")]
+    anticipation_s: Annotated[float, In("[0, 10000]")]
+    border_strength: Annotated[float, In("[0, 10000]")]
+    border_range_m: Annotated[float, In("(0, 100]")]
+    sight_cosine: Annotated[float, In("[-1, 1]")]
+    unseen_weight: Annotated[float, In("[0, 1]")]
+    group_gaze: Annotated[float, In("[0, 10000]")]
+    group_attraction: Annotated[float, In("[0, 10000]")]
+    group_repulsion: Annotated[float, In("[0, 10000]")]
+    group_distance_m: Annotated[float, In("[0, 10000]")]
 
 
 @dataclass(frozen=True)

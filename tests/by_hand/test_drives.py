@@ -70,14 +70,6 @@ def test_contacts_begin_where_the_distance_is_that_of_the_radii(dt_s):
         assert found.fault[z] == (velocity @ at / 0.7 > 0.05)
 
 
-def test_a_contact_in_plain_numbers():
-    """From 1.5 m, 0.42 m aside: 0.56 m ahead at 0.7 m, after (1.5 - 0.56) / 2 of an interval of 0.4 s."""
-    found = find_contacts(drive_of([[1.0, 3.0], [1.5, 3.0]], [[[2.5, 3.42], [1.0, 3.42]]]), 0.4)
-    assert found.time_s.tolist() == pytest.approx([0.4 * 0.47])
-    assert found.speed_mps.tolist() == pytest.approx([5.0])
-    assert found.fault.tolist() == [True]
-
-
 @pytest.mark.parametrize(("speed_mps", "fault"), [(0.0, False), (0.047, False), (0.053, True), (-0.2, False)])
 @pytest.mark.parametrize("dt_s", [0.3, 0.4])
 def test_the_robot_is_at_fault_if_it_moves_towards_who_is_hit(speed_mps, fault, dt_s):

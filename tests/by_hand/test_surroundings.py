@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pedpred.errors import ValueRuleError
 from pedpred.features.surroundings import Neighbours, Past, Pedestrians, Surroundings
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.mixture.features.beams import obstacle_distances
@@ -32,27 +31,6 @@ def turned(places):
     """World places as seen from (3.1, 1.8) along (0.6, 0.8)."""
     x, y = (np.asarray(places, float) - [3.1, 1.8]).T
     return np.stack([0.6 * x + 0.8 * y, 0.6 * y - 0.8 * x], axis=-1)
-
-
-def test_history_interpolates_between_unequal_detections():
-    """dt 0.4 s: 6.0 is seen; 5.6 is 3/7 of 5.3 to 6.0; 5.2 is 7/8 and 4.8 3/8 of 4.5 to 5.3.
-
-    Then 4.4 is 4/5 and 4.0 the first own detection; 3.6 is before it and stays unknown.
-    """
-    found = look_back(6.0, 0.4, steps=6)
-    share = np.array([3 / 7, 7 / 8, 3 / 8, 4 / 5])[:, None]
-    early, late = TRAIL[[3, 2, 2, 1]], np.array([[3.0, 2.0], *TRAIL[[3, 3, 2]]])
-    places = [[3.0, 2.0], *(early + share * (late - early)), [1.0, 2.0]]
-    np.testing.assert_allclose(found[:6, :2], turned(places), atol=1e-6)
-    assert found[:, 2].tolist() == [1, 1, 1, 1, 1, 1, 0]
-    assert not found[6].any()
-
-
-def test_history_skips_detections_between_two_of_its_times():
-    """dt 1.2 s: 4.8 lies between 4.5 and 5.3, although 6.0 comes before; 3.6 is unknown."""
-    found = look_back(6.0, 1.2)
-    np.testing.assert_allclose(found[:2, :2], turned([[3.0, 2.0], [1.5 + 0.3, 1.0 + 0.6]]), atol=1e-6)
-    assert not found[2:].any()
 
 
 def test_history_after_the_last_detection_is_extrapolated():
@@ -218,36 +196,6 @@ def test_oblique_beams_end_at_edges_of_cells():
         np.testing.assert_allclose(found, [[distance]], atol=1e-6)
 
 
-def first_hit(ground, place, way, range_m):
-    """A beam is in cell (i, j) where both coordinates are; blocked cells at its start are left first."""
-    counts = [np.arange(n) for n in ground.occupied.shape]
-    edges = [np.stack([n, n + 1.0]) * ground.resolution_m for n in counts]
-    one, two = ((e + o - p) / w for e, o, p, w in zip(edges, ground.origin, place, way, strict=True))
-    enter = np.maximum(one.min(axis=0)[:, None], two.min(axis=0))
-    leave = np.minimum(one.max(axis=0)[:, None], two.max(axis=0))
-    met = (np.maximum(enter, 0.0) < leave) & (enter < range_m)
-    order = np.argsort(enter[met])
-    blocked, at = ground.occupied[met][order], enter[met][order]
-    if len(at) and at[0] < 0:
-        blocked &= np.logical_or.accumulate(~blocked)
-    return at[blocked.argmax()] if blocked.any() else range_m
-
-
-def test_beams_in_all_directions_end_where_a_cell_is_entered():
-    rng = np.random.default_rng(4)
-    blocked = rng.random((7, 11)) < 0.3
-    ground = OccupancyMap(blocked, np.array([-3.0, 5.0]), 0.4)
-    place = ground.origin + rng.uniform(-0.4, 1.4, (60, 2)) * ground.extent_m
-    heading = rng.uniform(-9.0, 9.0, 60)
-    found = obstacle_distances(ground, place, heading, 12, 3.1)
-    angle = heading[:, None] + 2 * np.pi * np.arange(12) / 12
-    ways = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    expected = [[first_hit(ground, place[q], way, 3.1) for way in ways[q]] for q in range(60)]
-    np.testing.assert_allclose(found, expected, atol=1e-5)
-    assert found.dtype == np.float32
-    assert found.max() == np.float32(3.1)  # 3.1 / 0.4 * 0.4 is more
-
-
 def seen_by_two(dt_s):
     """Two people, at (11.75, -0.875) along x and at (3, 2) along (0.6, 0.8), and what surrounds them."""
     who = Pedestrians(
@@ -292,14 +240,6 @@ def test_inputs_are_computed_in_the_agent_frame(dt_s):
         assert all(np.array_equal(same[name], values) for name, values in found.items())
 
 
-@pytest.mark.parametrize(
-    "name", ["history_steps", "neighbours", "beams", "neighbour_range_m", "beam_range_m"]
-)
-def test_sizes_out_of_range_are_named(name):
-    with pytest.raises(ValueRuleError, match=name):
-        MixtureFeatures(**{name: -4})
-
-
 def test_sizes_of_inputs_follow_their_settings():
     """(3 + 1) past positions of 3 numbers, 7 neighbours of 5, 12 beams; 3 steps of 0.4 s are 1.2 s."""
     sizes = MixtureFeatures(history_steps=3, neighbours=7, beams=12)
@@ -308,5 +248,3 @@ def test_sizes_of_inputs_follow_their_settings():
     kinds = {name: column.dtype for name, column in sizes.columns().items()}
     assert kinds == dict.fromkeys(expected, "float32") | dict.fromkeys(("neighbours", "beams"), "float16")
     assert (sizes.past_s(0.3), sizes.past_s(0.4)) == pytest.approx((0.9, 1.2))
-    with pytest.raises(ValueRuleError, match="beams"):
-        MixtureFeatures(beams=6)
