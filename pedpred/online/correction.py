@@ -59,7 +59,7 @@ class Correction:
             position=self._places(people.position),
             velocity=self._vectors(people.velocity),
             heading_rad=np.angle(np.exp(1j * (people.heading_rad + self.turn_rad))),
-            astray=self._vectors(people.astray),
+            velocity_drift=self._vectors(people.velocity_drift),
             past=past | trail,
             filters=filters | states,
         )
