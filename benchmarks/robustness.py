@@ -34,8 +34,7 @@ from benchmarks.people import (
     write_jupedsim,
 )
 from benchmarks.tables import check_options_of_page, show, write_tables
-from pedpred.baselines.kalman import kalman_velocity
-from pedpred.baselines.present_motion import PRESENT_MOTION
+from pedpred.baselines.present_motion import PRESENT_MOTION, kalman_velocity
 from pedpred.command.evaluation import IsolatedTracks
 from pedpred.command.prediction import predictor_for
 from pedpred.command.recordings import open_scene

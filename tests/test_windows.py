@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pedpred.baselines.registry import BASELINES
-from pedpred.baselines.together import present_at
+from pedpred.baselines.social_force import people_present
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, summarise_methods
 from pedpred.evaluation.compare import compare
@@ -116,7 +116,7 @@ def test_everybody_moves_along_once_at_every_instant(of_each):
     """With a time stamp for each detection, all others are extrapolated, not forgotten."""
     scene = walked(0.4)
     request = asked(jittered(scene, 0.02, np.random.default_rng(1), of_each))
-    people, answers = present_at(request)
+    people, answers = people_present(request)
     seen, own = request.asked, np.unique(request.asked.time_s)
     for name in ("track_id", "time_s", "position"):
         np.testing.assert_array_equal(getattr(people, name)[answers], getattr(seen, name))

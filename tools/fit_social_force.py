@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from pedpred.baselines.social_force import InitialState, initial_state
-from pedpred.baselines.together import present_at
+from pedpred.baselines.social_force import InitialState, initial_state, people_present
 from pedpred.config import config_errors, read_params, row
 from pedpred.errors import ShapeError
 from pedpred.evaluation.scores import integrate_truth
@@ -132,7 +131,7 @@ def fit_place(place: str, model: SocialForceSettings, trials: int) -> Fit:
     how = perception_of(params, params.places[place])
     scene = recording(place)
     request = ask_about_windows(scene, *how)
-    people, asked = present_at(request)
+    people, asked = people_present(request)
     start = initial_state(scene, *people, model.routing)
     dt_s = request.sizes.dt_s
     return fit_forces(start, asked, integrate_truth(request.asked, dt_s), model, dt_s, trials)
