@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from pedpred.evaluation import EvaluationSettings, score, summarise_methods
-from pedpred.evaluation.scores import describe_scene as scene_of_windows
+from pedpred.evaluation.measure import describe_scene as scene_of_windows
 from pedpred.evaluation.summary import TrackBootstrap
 from pedpred.features import ForecastProtocol, extract_at_detections
 from pedpred.scenes import Predictions
