@@ -11,7 +11,6 @@ from pedpred.driving.robot import Robot
 from pedpred.evaluation import EvaluationSettings, MetricSettings, Resampling
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Following
-from pedpred.models.lstm.augmentation import Augmentation
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.mixture.network import MixtureSettings
@@ -19,10 +18,12 @@ from pedpred.sequences import SequenceSets
 from pedpred.settings import load
 from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.training import AutoencoderSettings
+from pedpred.training.augmentation import Augmentation
 from pedpred.training.distributed import ThreadSettings
-from pedpred.training.instants import InstantSettings, RealShare
-from pedpred.training.schedule import FitSettings
-from pedpred.training.sequences import NamedSets, SequenceSettings
+from pedpred.training.instants import InstantSettings
+from pedpred.training.learner import FitSettings
+from pedpred.training.sequences import SequenceSettings
+from pedpred.training.sets import NamedSets, RealShare
 from tests.by_hand.robots import LIMITS
 from tests.refused import refused
 from tests.simulated import SENSING, WORLDS, read
