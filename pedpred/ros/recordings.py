@@ -54,8 +54,8 @@ def check_recordable(scene: Scene, steps: int = 1, cell_m: float | None = None) 
     """
     nanoseconds(scene.trajectories.time_s)
     if cell_m is not None:
-        nobody = Predictions.single(np.zeros((0, steps, 2)), 1.0)
-        predicted_occupancy(nobody, scene.occupancy.free(cell_m))
+        none = Predictions.single(np.zeros((0, steps, 2)), 1.0)
+        predicted_occupancy(none, scene.occupancy.free(cell_m))
 
 
 def write_recording(
