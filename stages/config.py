@@ -39,7 +39,7 @@ from pedpred.settings import check_names, load, load_each, load_together
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
-from pedpred.simulation.settings import SetUse, SimulationSettings, social_force_settings
+from pedpred.simulation.settings import SimulationSettings, social_force_settings
 from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.sources import SETTINGS
 from pedpred.sources.eth_ucy import EthUcySettings
@@ -62,7 +62,7 @@ from stages.row_types import (
     RecordingRows,
     Reference,
 )
-from stages.simulate import read_layouts
+from stages.simulate import SetTracking, read_layouts
 from stages.train import NONE, networks_of, phase_of, training_of
 from stages.validate_simulation import flow_of
 from stages.worlds import worlds_of
@@ -101,13 +101,11 @@ def _whole(group: str, *kinds: type) -> Check:
 
 
 def _simulation(cfg: Params, name: str) -> None:
-    simulation = part(cfg, "simulations", name)
-    SimulationSettings.parse(simulation)
-    load_together([SimulationSettings, SetUse], simulation)
+    load_together([SimulationSettings, SetTracking], part(cfg, "simulations", name))
 
 
 def _place(cfg: Params, name: str) -> None:
-    place, use = load_together([PlaceRow, SetUse], part(cfg, "places", name))
+    place, use = load_together([PlaceRow, SetTracking], part(cfg, "places", name))
     if place.source in SETTINGS:
         load(SETTINGS[place.source], place.settings, "settings")
     if place.source in WITHOUT_VELOCITIES and row(cfg, "trackers", use.tracker).get("kind") == "truth":

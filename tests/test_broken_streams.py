@@ -136,7 +136,7 @@ def test_a_clock_that_changes_without_people_costs_nothing():
             np.testing.assert_array_equal(one.predictions.covariance, expected.predictions.covariance)
     for robot in (other, *robots):
         assert robot._place.regions.learned.any()
-        assert robot._place.regions.detections.time_s.min() > 0.1 * 89 - 4.5
+        assert robot._place.detections.time_s.min() > 0.1 * 89 - 4.5
 
 
 def test_regions_of_walkers_do_not_learn_from_furniture():

@@ -65,7 +65,7 @@ def test_figures_do_not_depend_on_the_size_of_the_blocks(kind, crowd, request, m
 
 
 def same_in_blocks(rows, whole, crowd, folder, monkeypatch):
-    monkeypatch.setattr("pedpred.forecasting.chain._ROWS_AT_ONCE", rows)
+    monkeypatch.setattr("pedpred.forecasting.blocks._ROWS_AT_ONCE", rows)
     monkeypatch.setattr(EXTRACT, "_ROWS_AT_ONCE", rows)
     blocks = assess(crowd, predictor_for(crowd, folder), SETTINGS)
     assert list(blocks) == list(whole)

@@ -11,7 +11,7 @@ from pedpred.forecasting.regions import Regions
 from pedpred.metrics.calibration import REGIONS, coverage, share_inside
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.scenes import Predictions
-from tests.forecasts import learned
+from tests.learners import at_instant, learned, place_of
 
 STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
 STAND, WALK = 0, 1
@@ -81,12 +81,13 @@ def test_nothing_is_learned_from_the_future(seed, cut):
 
 
 def stepped(regions, predictions, track_id, time_s, here, frames):
-    """Regions after some frames."""
+    """The place after some frames."""
+    place = place_of(regions)
     for time in np.unique(time_s)[frames]:
         rows = np.flatnonzero(time_s == time)
         own = predictions.select(rows)
-        regions, _ = regions.after(float(time), track_id[rows], here[rows], rows >= 0, own)
-    return regions
+        place, _ = at_instant(place, time, track_id[rows], here[rows], rows >= 0, own)
+    return place
 
 
 def test_people_who_leave_teach_nothing_in_the_end():
@@ -94,13 +95,13 @@ def test_people_who_leave_teach_nothing_in_the_end():
     time_s, track_id, here, right = walks(np.random.default_rng(9), frames=24, people=5)
     stays = time_s < 2.8
     given_ = scaled(right, 0.5)
-    regions = stepped(Regions.unlearned(STEPS), given_, track_id, time_s, here, slice(10))
-    assert (regions.learned[0, STAND, :2] > 0.02).all()
+    place = stepped(Regions.initial(STEPS), given_, track_id, time_s, here, slice(10))
+    assert (place.regions.learned[0, STAND, :2] > 0.02).all()
     nobody = np.flatnonzero(~stays)[:0]
     for time in np.unique(time_s[~stays]):
         own = given_.select(nobody)
-        regions, _ = regions.after(float(time), track_id[nobody], here[nobody], nobody >= 0, own)
-    np.testing.assert_allclose(regions.learned, 0.0, atol=1e-12)
+        place, _ = at_instant(place, time, track_id[nobody], here[nobody], nobody >= 0, own)
+    np.testing.assert_allclose(place.regions.learned, 0.0, atol=1e-12)
 
 
 def test_forecasts_without_covariances_stay():
@@ -113,12 +114,13 @@ def test_forecasts_without_covariances_stay():
 
 def test_what_is_kept_does_not_grow():
     time_s, track_id, here, predictions = walks(np.random.default_rng(5), frames=300, people=30)
-    regions, sizes = Regions.unlearned(STEPS), []
+    place, sizes = place_of(Regions.initial(STEPS)), []
     for frame in range(300):
         rows = np.arange(frame * 30, (frame + 1) * 30)
         own = predictions.select(rows)
-        regions, _ = regions.after(time_s[rows[0]], track_id[rows] + frame, here[rows], rows >= 0, own)
-        sizes.append((len(regions.waiting), len(regions.taught.step), len(regions.detections.time_s)))
+        place, _ = at_instant(place, time_s[rows[0]], track_id[rows] + frame, here[rows], rows >= 0, own)
+        regions = place.regions
+        sizes.append((len(regions.pending), len(regions.adjustment.step), len(place.detections.time_s)))
     assert (np.max(sizes, axis=0) == np.max(sizes[:50], axis=0)).all()
     assert np.max(sizes) < 50 * 30
 

@@ -7,12 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.forecasting.shares import best_weights
-from pedpred.forecasting.trust import Trust
+from pedpred.forecasting.trust import Trust, best_weights
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import replay_scene
 from pedpred.scenes import Predictions
-from tests.forecasts import along
+from tests.learners import along
 from tests.worlds import come_again, walled_scene
 
 STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
@@ -48,7 +47,7 @@ def stream(rng, frames=80, people=8, wrong_m=0.3, noise_m=0.0, turn_radps=0.0, s
 
 def learned(*rows):
     """The forecasts of all instants with trust that learns."""
-    return Predictions.join([changed for _, changed in along(Trust.unlearned(STEPS), *rows)])
+    return Predictions.join([changed for _, changed in along(Trust.initial(STEPS), *rows)])
 
 
 def errors_m(forecasts, truth, rows):
@@ -78,9 +77,9 @@ def test_weights_are_shares_whatever_happens(seed, wrong_m, noise_m):
     rng = np.random.default_rng(seed)
     person, time_s, detection, seen, _, forecasts = stream(rng, 60, 5, wrong_m, noise_m, rng.uniform(0, 1))
     seen &= rng.random(len(seen)) < 0.9
-    for trust, _ in along(Trust.unlearned(STEPS), person, time_s, detection, seen, forecasts):
-        assert (trust.weights >= 0).all()
-        assert (trust.weights.sum(axis=-1) <= 1 + 1e-12).all()
+    for place, _ in along(Trust.initial(STEPS), person, time_s, detection, seen, forecasts):
+        assert (place.trust.weights >= 0).all()
+        assert (place.trust.weights.sum(axis=-1) <= 1 + 1e-12).all()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -113,7 +112,7 @@ def test_a_noisy_line_is_not_preferred():
 def test_who_turns_is_forecast_by_the_network(seed, turn):
     """Where lines were right, and the network 0.3 m wrong, for two minutes, it is right about who turns."""
     *walked, _, forecasts = stream(np.random.default_rng(seed), 400)
-    *_, (trust, changed) = along(Trust.unlearned(STEPS), *walked, forecasts)
+    *_, (place, changed) = along(Trust.initial(STEPS), *walked, forecasts)
     assert np.abs(changed.point - forecasts.point[-len(changed) :]).max() > 0.1
     begin_s, turned_s, speed_mps = walked[1][-1] + EVERY_S, 4.2, 1.3
     time_s = np.arange(28) * EVERY_S
@@ -127,7 +126,7 @@ def test_who_turns_is_forecast_by_the_network(seed, turn):
     person = np.full(len(time_s), walked[0].max() + 1)
     rows = person, begin_s + time_s, position(time_s), np.ones(len(time_s), bool)
     right = Predictions.single(truth, DT_S)
-    after = Predictions.join([changed for _, changed in along(trust, *rows, right)])
+    after = Predictions.join([changed for _, changed in along(place, *rows, right)])
     sharp = (time_s > turned_s + 0.5) & (time_s < turned_s + 1.7)
     assert np.linalg.norm(after.point - truth, axis=-1)[sharp].max() < 0.8
 
@@ -193,9 +192,10 @@ def test_forecasts_turn_with_the_world(seed, turn):
 def test_what_is_kept_does_not_grow():
     sizes = []
     rows = _without_truth(stream(np.random.default_rng(8), 300, 20, stay_s=15.0))
-    for trust, _ in along(Trust.unlearned(STEPS), *rows):
-        waiting = sum(len(past.person) for past in trust.waiting)
-        sizes.append((len(trust.waiting), waiting, len(trust.detections.time_s), len(trust.person)))
+    for place, _ in along(Trust.initial(STEPS), *rows):
+        trust = place.trust
+        kept = sum(len(past.person) for past in trust.past)
+        sizes.append((len(trust.past), kept, len(place.detections.time_s), len(trust.person)))
         assert trust.place.compared.max() <= 10000
     assert (np.max(sizes, axis=0) == np.max(sizes[:75], axis=0)).all()
     assert trust.place.compared.max() > 1000

@@ -14,14 +14,13 @@ import numpy as np
 from pedpred.baselines.together import SAME_TIME_S, Present, forecast_jointly, roll_out_all
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting import Forecaster, ForecastRequest
-from pedpred.scenes import OccupancyMap, Predictions, Scene, Trajectories
+from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.simulation.crowd import Crowd, crowd_of
-from pedpred.simulation.ground import Ground, ground_of
+from pedpred.simulation.ground import Ground, ground_around
 from pedpred.simulation.routing import Routes, routes_to
 from pedpred.simulation.settings import RoutingSettings, SocialForceSettings
 
 GOALS_AHEAD = 4  # enough for a horizon of some seconds
-_FREE_MARGIN_M = 3.0  # ground around the map where people may walk; no border is felt farther away
 
 
 def social_force() -> Forecaster:
@@ -101,7 +100,7 @@ def initial_state(
     position, velocity = (np.asarray(v, dtype=np.float64).reshape(-1, 2) for v in (position, velocity))
     time_s = np.asarray(time_s, dtype=np.float64)
     wanted = intentions(scene.trajectories, np.asarray(track_id), time_s, velocity)
-    ground = _surroundings(scene.occupancy, np.vstack([position, wanted.goals]), routing.resolution_m)
+    ground = ground_around(scene.occupancy, np.vstack([position, wanted.goals]), routing.resolution_m)
     crowd = crowd_of(position, velocity, wanted.desired_speed, wanted.plan, wanted.group)
     return InitialState(crowd, time_s, ground, routes_to(wanted.goals, ground, routing))
 
@@ -153,11 +152,3 @@ def _latest_rows(
         latest = np.searchsorted(times_s[first:last], time_s[mask] + SAME_TIME_S, side="right") - 1
         rows[mask] = first + np.maximum(latest, 0)
     return rows
-
-
-def _surroundings(occupancy: OccupancyMap, points: np.ndarray, routing_m: float) -> Ground:
-    """The map with free ground around it that holds all points, in whole routing cells."""
-    beyond = np.maximum(occupancy.origin - points, points - occupancy.origin - occupancy.extent_m)
-    cells = max(round(routing_m / occupancy.resolution_m), 1)
-    margin_m = float(beyond.max(initial=0.0)) + _FREE_MARGIN_M
-    return ground_of(occupancy, cells * int(np.ceil(margin_m / (cells * occupancy.resolution_m))))

@@ -133,7 +133,7 @@ def _conflicts(path: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.n
     most, count, reach_m = _MOST * people * modes, _ROOM * people * modes, REACH_M
     while reach_m >= NEAR_M:
         pair, closeness = np.empty((2, count), np.int64), np.empty(count)
-        total = _meetings(path, low, high, position, reach_m, most, least, pair, closeness)
+        total = _conflicting_pairs(path, low, high, position, reach_m, most, least, pair, closeness)
         if total <= count:
             return pair[0, :total], pair[1, :total], closeness[:total]
         count, reach_m = (total, reach_m) if total <= most else (count, 0.25 * reach_m)
@@ -142,7 +142,7 @@ def _conflicts(path: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 @compiled
-def _meetings(
+def _conflicting_pairs(
     path, low, high, position, reach_m, most, least, pair, closeness
 ):  # pragma: no cover (compiled)
     """Number of conflicts; those for which there is room are written into `pair` and `closeness`.
