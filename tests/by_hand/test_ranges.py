@@ -11,7 +11,6 @@ from pedpred.driving.robot import Robot
 from pedpred.evaluation import EvaluationSettings, MetricSettings, Resampling
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Following
-from pedpred.models.lstm.augmentation import Augmentation
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.mixture.network import MixtureSettings
@@ -19,10 +18,11 @@ from pedpred.sequences import SequenceSets
 from pedpred.settings import load
 from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.training import AutoencoderSettings
+from pedpred.training.augmentation import Augmentation
 from pedpred.training.distributed import ThreadSettings
-from pedpred.training.instants import InstantSettings, RealShare
-from pedpred.training.schedule import FitSettings
-from pedpred.training.sequences import NamedSets, SequenceSettings
+from pedpred.training.instants import InstantSettings
+from pedpred.training.sequences import SequenceSettings
+from pedpred.training.sets import NamedSets, RealShare
 from tests.by_hand.robots import LIMITS
 from tests.refused import refused
 from tests.simulated import SENSING, WORLDS, read
@@ -53,14 +53,14 @@ RANGES = [
     (CropSplit, {"validation_crops": 1}, "validation_share", (0.0,), (-0.1, 1.0)),
     (EvaluationSettings, {}, "bootstrap", (1,), (0,)),
     (EvaluationSettings, {}, "miss_m", (), (0.0,)),
-    (FitSettings, FIT, "steps", (MANY,), (0, MANY + 1)),
-    (FitSettings, FIT, "validate_every", (MANY,), (0, MANY + 1)),
-    (FitSettings, FIT, "warmup_steps", (MANY,), (-1, MANY + 1)),
-    (FitSettings, FIT, "seed", (), (-1,)),
-    (FitSettings, FIT, "lr", (), (0.0, 10.1)),
-    (FitSettings, FIT, "clip_norm", (), (0.0, 1.1e6)),
-    (FitSettings, FIT, "weight_decay", (), (-0.1, 1.1)),
-    (FitSettings, FIT, "runs", (), (0, 1001)),
+    (SequenceSettings, SEQUENCES, "steps", (MANY,), (0, MANY + 1)),
+    (SequenceSettings, SEQUENCES, "validate_every", (MANY,), (0, MANY + 1)),
+    (SequenceSettings, SEQUENCES, "warmup_steps", (MANY,), (-1, MANY + 1)),
+    (SequenceSettings, SEQUENCES, "seed", (), (-1,)),
+    (SequenceSettings, SEQUENCES, "lr", (), (0.0, 10.1)),
+    (SequenceSettings, SEQUENCES, "clip_norm", (), (0.0, 1.1e6)),
+    (SequenceSettings, SEQUENCES, "weight_decay", (), (-0.1, 1.1)),
+    (SequenceSettings, SEQUENCES, "runs", (), (0, 1001)),
     (Following, {"learn_noise": True}, "standstill_mps", (0.0, 100.0), (-0.1, 100.5)),
     *(
         (ForecastProtocol, {}, name, (10_000.0,), (0.0, -0.3, 10_000.5))
@@ -109,8 +109,6 @@ RANGES = [
         (SequenceSets, {"scenes": ()}, "worlds", (), ({"room": count},))
         for count in (0, 1_000_001, True, 2.0)
     ),
-    (SequenceSettings, SEQUENCES, "steps", (), (0,)),
-    (SequenceSettings, SEQUENCES, "clip_norm", (), (0.0,)),
     (SequenceSettings, SEQUENCES, "validation_share", (0.0,), (-0.1, 1.0)),
     (SequenceSettings, SEQUENCES, "lanes", (1,), (0, 100_001)),
     (SequenceSettings, SEQUENCES, "sub_sequence", (1,), (0, 10_001)),
