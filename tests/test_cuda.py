@@ -92,7 +92,7 @@ def test_narrow_products_change_a_loss_by_their_rounding_only(learner):
     assert losses[1] == pytest.approx(losses[0], rel=2e-2)
 
 
-def test_networks_that_were_trained_on_cuda_are_read_where_there_is_none(folders, tmp_path):
+def test_networks_of_cuda_are_read_without_it(folders, tmp_path):
     rows = load_instants(folders)
     start, _, about = fit(instants.NETWORK, None, rows, instants.QUICK, "", CUDA)
     write_checkpoint(tmp_path / "start", start.state_dict(), about)
