@@ -59,7 +59,7 @@ SCOPE = (
 )
 """Folders and files of pedpred that are changed."""
 TESTS = (
-    *("augmentation", "calibration", "comparison", "displacement", "evaluation", "evaluation_memory"),
+    *("calibration", "comparison", "displacement", "evaluation", "evaluation_memory"),
     *("features", "instant_training", "learning", "matching", "measures", "mixture", "noise"),
     *("predictions", "reduction", "regions", "selection", "surroundings", "tracking", "trust"),
     *("uncertainty", "windows"),

@@ -43,8 +43,8 @@ def compare(
         shown: sizes of the grids that pictures of the windows show; None: none.
 
     Raises:
-        ValueRuleError: the scene has no window, or forecasts are those of other instants or another frame.
-        ShapeError: there are more or fewer forecasts or steps than were asked for.
+        ValueRuleError: the scene has no window, or forecasts are those of other instants or another frame, or
+            more, fewer or of other steps than were asked for.
 
     Returns:
         Windows with all predictions, and the scores of each method.

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError, shape_error
 from pedpred.scenes import Trajectories
 
 TOLERANCE_S = 1e-3
@@ -40,7 +40,7 @@ class Stretches:
         for part in fields(self):
             value = getattr(self, part.name)
             if part.name != "step_s" and len(value) != len(self.track):
-                raise ShapeError(part.name, value.shape, f"[{len(self.track)}, ...]")
+                raise shape_error(part.name, value.shape, f"[{len(self.track)}, ...]")
         if not self.step_s > 0:
             raise ValueRuleError("step_s", self.step_s, "it must be positive")
 

@@ -14,7 +14,7 @@ from pedpred.evaluation.scores import describe_scene, integrate_truth, join_scor
 from pedpred.evaluation.windows import ask_about_windows, count_without_truth
 from pedpred.features.perception import Perception, sensed
 from pedpred.forecasting import Forecaster, ForecastRequest
-from pedpred.forecasting.chain import instant_blocks
+from pedpred.forecasting.blocks import instant_blocks
 from pedpred.metrics import METRICS, Metric
 from pedpred.online.batch import predictions_in_blocks
 from pedpred.online.predictor import OnlinePredictor
