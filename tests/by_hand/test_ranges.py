@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from pedpred.models.lstm.augmentation import Augmentation
 
 from pedpred.datasets.crops import CropSplit
 from pedpred.datasets.lanes import SplitSettings
@@ -11,7 +12,6 @@ from pedpred.driving.robot import Robot
 from pedpred.evaluation import EvaluationSettings, MetricSettings, Resampling
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Following
-from pedpred.models.lstm.augmentation import Augmentation
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.mixture.network import MixtureSettings
