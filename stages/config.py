@@ -28,7 +28,6 @@ from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker
 from pedpred.files import write_text
 from pedpred.forecasting import MethodRow
-from pedpred.literature.settings import ComparisonSettings
 from pedpred.models import ARCHITECTURES
 from pedpred.models.features import FEATURES
 from pedpred.models.registry import parse_settings
@@ -48,7 +47,7 @@ from pedpred.training.distributed import DeviceSettings, ThreadSettings
 from stages import eth_ucy
 from stages.code import write_code
 from stages.drive import study_of
-from stages.eth_ucy import MODELS, PHASES, comparison_of
+from stages.eth_ucy import MODELS, PHASES, ComparisonSettings, comparison_of
 from stages.fetch import mirrors_of
 from stages.folds import trained_sets
 from stages.perception import features_of, kalman_of, protocol_of

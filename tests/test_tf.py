@@ -79,9 +79,9 @@ def test_points_go_through_all_frames_and_back(seed):
     np.testing.assert_array_equal(frames.placed(points, 7.0, "a", "a"), points)
 
 
-@pytest.mark.parametrize("time_s", [10.0, 10.03, 10.25, 10.5])
-def test_poses_are_interpolated(time_s):
-    assert x_of(moving([10.0, 10.1, 10.5, 10.5]), time_s) == pytest.approx(time_s)
+@pytest.mark.parametrize("time_s", [10.0, 10.03, 10.25, 10.5, 30.0])
+def test_poses_are_interpolated_over_gaps_of_any_length(time_s):
+    assert x_of(moving([10.0, 10.1, 10.5, 10.5, 60.0]), time_s) == pytest.approx(time_s)
 
 
 def test_each_point_has_its_own_time():

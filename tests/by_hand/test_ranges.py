@@ -19,10 +19,11 @@ from pedpred.sequences import SequenceSets
 from pedpred.settings import load
 from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.training import AutoencoderSettings
+from pedpred.training.augmentation import Augmentation
 from pedpred.training.distributed import ThreadSettings
-from pedpred.training.instants import InstantSettings, RealShare
-from pedpred.training.schedule import FitSettings
-from pedpred.training.sequences import NamedSets, SequenceSettings
+from pedpred.training.instants import InstantSettings
+from pedpred.training.sequences import SequenceSettings
+from pedpred.training.sets import NamedSets, RealShare
 from tests.by_hand.robots import LIMITS
 from tests.refused import refused
 from tests.simulated import SENSING, WORLDS, read
@@ -53,14 +54,14 @@ RANGES = [
     (CropSplit, {"validation_crops": 1}, "validation_share", (0.0,), (-0.1, 1.0)),
     (EvaluationSettings, {}, "bootstrap", (1,), (0,)),
     (EvaluationSettings, {}, "miss_m", (), (0.0,)),
-    (FitSettings, FIT, "steps", (MANY,), (0, MANY + 1)),
-    (FitSettings, FIT, "validate_every", (MANY,), (0, MANY + 1)),
-    (FitSettings, FIT, "warmup_steps", (MANY,), (-1, MANY + 1)),
-    (FitSettings, FIT, "seed", (), (-1,)),
-    (FitSettings, FIT, "lr", (), (0.0, 10.1)),
-    (FitSettings, FIT, "clip_norm", (), (0.0, 1.1e6)),
-    (FitSettings, FIT, "weight_decay", (), (-0.1, 1.1)),
-    (FitSettings, FIT, "runs", (), (0, 1001)),
+    (InstantSettings, INSTANTS, "steps", (MANY,), (0, MANY + 1)),
+    (InstantSettings, INSTANTS, "validate_every", (MANY,), (0, MANY + 1)),
+    (InstantSettings, INSTANTS, "warmup_steps", (MANY,), (-1, MANY + 1)),
+    (InstantSettings, INSTANTS, "seed", (), (-1,)),
+    (InstantSettings, INSTANTS, "lr", (), (0.0, 10.1)),
+    (InstantSettings, INSTANTS, "clip_norm", (), (0.0, 1.1e6)),
+    (InstantSettings, INSTANTS, "weight_decay", (), (-0.1, 1.1)),
+    (InstantSettings, INSTANTS, "runs", (), (0, 1001)),
     (Following, {"learn_noise": True}, "standstill_mps", (0.0, 100.0), (-0.1, 100.5)),
     *(
         (ForecastProtocol, {}, name, (10_000.0,), (0.0, -0.3, 10_000.5))

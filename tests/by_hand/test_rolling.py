@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from pedpred.datasets.rows import Spans
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.forecasting.blocks import forecast_blocks
@@ -153,7 +153,7 @@ def asked_along(dt_s, every_s, starts_s=(0.0, 0.55), detections=(11, 8)):
     order = np.lexsort((time_s, track))
     scene = Scene("walk", Trajectories(time_s[order], track[order], place[order]), ground, every_s)
     sizes = ForecastProtocol(dt_s=dt_s, horizon_steps=STEPS)
-    request = ask_about_windows(scene, Perception(TRACKER, 0.2), sizes)
+    request = find_windows(scene, Perception(TRACKER, 0.2), sizes).request
     return dataclasses.replace(request, rows=np.random.default_rng(3).permutation(len(request.table)))
 
 
