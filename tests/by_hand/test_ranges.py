@@ -3,7 +3,6 @@
 import math
 
 import pytest
-from pedpred.models.lstm.augmentation import Augmentation
 
 from pedpred.datasets.crops import CropSplit
 from pedpred.datasets.lanes import SplitSettings
