@@ -22,7 +22,7 @@ from pedpred.baselines.registry import baseline
 from pedpred.config import config_errors, configured, one_of, part, plain, read_params, row
 from pedpred.datasets.crops import CropSplit
 from pedpred.datasets.rows import EMBEDDED
-from pedpred.driving.trials import NO_WORLD
+from pedpred.driving.study import NO_WORLD
 from pedpred.errors import ConfigError, PedpredError
 from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker
@@ -46,7 +46,7 @@ from pedpred.training import AutoencoderSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
 from stages import eth_ucy
 from stages.code import write_code
-from stages.drive import trials_of
+from stages.drive import study_of
 from stages.eth_ucy import MODELS, PHASES, ComparisonSettings, comparison_of
 from stages.fetch import mirrors_of
 from stages.folds import trained_sets
@@ -247,7 +247,7 @@ def _scenes(key: str, folder: str) -> None:
 
 def _driving(cfg: Params) -> None:
     _exports(cfg, "driving")
-    for name, place in trials_of(cfg).places.items():
+    for name, place in study_of(cfg).places.items():
         if place.world == NO_WORLD:
             _scenes(f"driving.places.{name}.input", place.input)
 
