@@ -93,8 +93,9 @@ def last_rows(
         asked_id: queried track. [Q]
         asked_s: queried time, s. [Q]
     """
-    span = float(np.ptp(time_s)) + 1.0 if len(time_s) else 1.0
-    start = time_s.min(initial=np.inf)
+    if not len(track_id):
+        return np.full(len(asked_id), -1)
+    span, start = float(np.ptp(time_s)) + 1.0, time_s.min()
     names, index = np.unique(track_id, return_inverse=True)
     keys = index * 2 * span + (time_s - start)
     asked = np.searchsorted(names, asked_id)

@@ -132,6 +132,7 @@ def test_the_last_row_is_found_within_a_microsecond():
     assert found.tolist() == [2, 2, 1, -1, -1, 3, 4, -1, 4, 5, -1, 0, -1, -1, -1]
     none = np.zeros(0)
     assert last_rows(none.astype(int), none, none.astype(int), none).tolist() == []
+    assert last_rows(none.astype(int), none, np.array([3, 4]), np.array([0.0, 1.0])).tolist() == [-1, -1]
 
 
 def test_the_heading_holds_below_the_speed_of_standstill():
