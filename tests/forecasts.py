@@ -3,7 +3,7 @@
 import numpy as np
 
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.evaluation.windows import find_windows
+from pedpred.evaluation.windows import window_rows
 from pedpred.features import ForecastProtocol
 from pedpred.forecasting import ForecastRequest
 from pedpred.metrics import MetricScene
@@ -21,7 +21,7 @@ PAPER = load(Paper, read("report/paper"))
 
 def request_about(scene, table, rows=None, **given):
     """A request for some rows of a table at detections; by default for its windows."""
-    rows = find_windows(table, ForecastProtocol()) if rows is None else rows
+    rows = window_rows(table, ForecastProtocol(), scene.name)[0] if rows is None else rows
     usual = {"sizes": ForecastProtocol(), "tracker": None, "detection_interval_s": scene.detection_dt_s}
     return ForecastRequest(scene=scene, table=table, rows=rows, **usual | given)
 

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.forecasting.detections import Detections
 from pedpred.forecasting.regions import Regions
 from pedpred.metrics.calibration import REGIONS, coverage, share_inside
 from pedpred.online import OnlinePredictor, OnlineSettings
@@ -103,23 +102,6 @@ def test_people_who_leave_teach_nothing_in_the_end():
         own = given_.select(nobody)
         place, _ = at_instant(place, time, track_id[nobody], here[nobody], nobody >= 0, own)
     np.testing.assert_allclose(place.regions.learned, 0.0, atol=1e-12)
-
-
-@settings(deadline=None)
-@given(people=st.integers(1, 5), later_s=st.floats(0.002, 5.0))
-def test_positions_after_the_last_detection_are_unknown(people, later_s):
-    track_id, time_s = np.repeat(np.arange(people), 8), np.tile(np.arange(8) * 0.4, people)
-    known = Detections(time_s, track_id, np.ones((len(time_s), 2)))
-    asked = np.arange(people)
-    assert np.isnan(known.at(asked, np.full(people, 2.8 + later_s))[0]).all()
-    np.testing.assert_allclose(known.at(asked, np.full(people, 2.8))[0], 1.0)
-
-
-def test_people_who_are_not_detected_teach_nothing():
-    time_s, track_id, here, predictions = walks(np.random.default_rng(3), frames=60)
-    away = here + 100.0
-    hidden = learned(scaled(predictions, 0.2), track_id, time_s, away, np.zeros(len(here), bool))
-    np.testing.assert_array_equal(hidden.covariance, scaled(predictions, 0.2).covariance)
 
 
 def test_forecasts_without_covariances_stay():

@@ -18,8 +18,7 @@ from pedpred.files import check_input
 from pedpred.forecasting import ForecastRequest
 from pedpred.reading.checks import FASTEST_MPS
 from pedpred.reading.errors import ContentError, add_path
-from pedpred.reading.names import TrackNames
-from pedpred.reading.tracks import number_ids
+from pedpred.reading.names import TrackNames, number_ids
 from pedpred.ros import Transform
 from pedpred.scenes import Predictions
 

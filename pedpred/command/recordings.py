@@ -13,7 +13,7 @@ from mcap.writer import MCAP0_MAGIC
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.files import check_input
 from pedpred.reading import Recording, read_recording
-from pedpred.reading.checks import check_interval, check_speeds
+from pedpred.reading.checks import check
 from pedpred.reading.errors import add_path
 from pedpred.reading.geometry import is_geometry, read_ground, read_walls
 from pedpred.reading.head import Head
@@ -126,8 +126,7 @@ def _read_folder(path: Path) -> Recording:
     names = TrackNames()
     scene = read_own(path, names)
     with add_path(path):
-        check_interval(scene.detection_dt_s)
-    check_speeds(str(path), scene.trajectories, any_speed=True)
+        check(scene.trajectories, str(path), any_speed=True)
     return Recording(scene, names, "scene folder")
 
 

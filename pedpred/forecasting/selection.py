@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from pedpred.compiled import compiled
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError, shape_error
 from pedpred.scenes import Predictions
 
 NEAR_M = 0.3
@@ -51,7 +51,7 @@ def choose_modes(predictions: Predictions, position: np.ndarray) -> Predictions:
     if predictions.frame != "world":
         raise ValueRuleError("frame", predictions.frame, "people choose together in the world frame")
     if position.shape != (len(predictions), 2):
-        raise ShapeError("position", position.shape, f"({len(predictions)}, 2)")
+        raise shape_error("position", position.shape, f"({len(predictions)}, 2)")
     if predictions.modes == 1:
         return predictions
     weight = predictions.weight.copy()

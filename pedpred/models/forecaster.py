@@ -19,7 +19,7 @@ from pedpred.models.contract import ForecastNetwork, Tensors
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.encoding import encode_once, load_encoder
 from pedpred.models.registry import load_format, load_network
-from pedpred.models.rolling import recall
+from pedpred.models.rolling import outputs_at_instants
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
 
@@ -89,7 +89,7 @@ class NetworkForecaster:
         before = steps.step[latest] + ~on_step
         row = request.past.last_row(steps.track_id, steps.time_s)
         inputs = self._inputs(request, [(row, steps.time_s), (request.rows, asked.time_s)])
-        return recall(self.network, inputs[0], inputs[1], first, before, on_step)
+        return outputs_at_instants(self.network, inputs[0], inputs[1], first, before, on_step)
 
     def _inputs(
         self, request: ForecastRequest, instants: list[tuple[np.ndarray, np.ndarray]]

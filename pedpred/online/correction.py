@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.arrays import real_number, real_numbers
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError, shape_error
 from pedpred.forecasting.postprocessing import PlaceKnowledge
 from pedpred.forecasting.regions import Regions
 from pedpred.forecasting.trust import Trust
@@ -34,11 +34,11 @@ class Correction:
         """Convert the arguments.
 
         Raises:
-            ValueRuleError, ShapeError: something is not a number or out of range, or of another shape.
+            ValueRuleError: something is not a number or out of range, or of another shape.
         """
         turn, moved = real_number("turn_rad", turn_rad), real_numbers("shift", shift)
         if moved.shape != (2,):
-            raise ShapeError("shift", moved.shape, "(2,)")
+            raise shape_error("shift", moved.shape, "(2,)")
         for name, value in (("turn_rad", np.asarray(turn)), ("shift", moved)):
             rule, valid = rule_of("position", value)
             if not valid.all():

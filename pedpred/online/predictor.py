@@ -193,7 +193,7 @@ class OnlinePredictor:
             shift: plus this, m. [2]
 
         Raises:
-            ValueRuleError, ShapeError: one is not a number or out of range, or the shift has no two of them.
+            ValueRuleError: one is not a number or out of range, or the shift has no two of them.
         """
         correction = Correction.checked(turn_rad, shift)
         self._people, self._place = correction.of_people(self._people), correction.of_place(self._place)
@@ -223,7 +223,7 @@ class OnlinePredictor:
                 estimates. [D, 2]
 
         Raises:
-            ValueRuleError, ShapeError: something is not a number, out of range, or an id appears twice.
+            ValueRuleError: something is not a number, out of range, or an id appears twice.
             After any error everything is as it was before the call.
         """
         frame = Frame.checked(time_s, track_id, position, velocity)

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from pedpred.datasets.rows import Spans
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.forecasting.blocks import forecast_blocks
@@ -15,8 +15,9 @@ from pedpred.forecasting.postprocessing import Postprocessing
 from pedpred.models.forecaster import NetworkForecaster
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.features import LstmFeatures
-from pedpred.models.rolling import recall, rolled
+from pedpred.models.rolling import outputs_at_instants
 from pedpred.scenes import Predictions, Scene, Trajectories
+from pedpred.training.sequences import run_over_sequences
 from tests.exported import TRACKER, rows_of
 from tests.toys.architecture import ToyNetwork, ToySettings
 from tests.worlds import blocked
@@ -64,7 +65,7 @@ def test_whole_tracks_are_rolled_with_their_memory(lengths):
     )
     network, found = toy(), np.full((len(state), STEPS, 2), np.nan)
     counts = np.zeros(len(state), int)
-    for rows, outputs in rolled(network, data, spans):
+    for rows, outputs in run_over_sequences(network, data, spans):
         assert outputs.keys() == {"velocities"}
         found[rows] = outputs["velocities"]
         counts[rows] += 1
@@ -81,19 +82,19 @@ def test_tracks_of_similar_length_are_rolled_together():
     data = rows_of(
         torch.from_numpy(state), torch.zeros(len(state), STEPS, 2), 1, angular=torch.from_numpy(angular)
     )
-    sizes = [len(rows) for rows, _ in rolled(toy(), data, spans)]
+    sizes = [len(rows) for rows, _ in run_over_sequences(toy(), data, spans)]
     assert sizes == [2 * 32 + 254, 2 * 32, 2 * 6, 3]
 
 
 def recalled(network, lengths, instants):
-    """`recall` at instants (track, steps before, on a step), and the expected velocities."""
+    """`outputs_at_instants` at instants (track, steps before, on a step), and the expected velocities."""
     state, angular, spans = tracks(lengths)
     track, before, on_step = (np.array(column) for column in zip(*instants, strict=True))
     rng = np.random.default_rng(1)
     now = [rng.normal(size=(len(instants), width)).astype(np.float32) for width in (2, 3)]
     steps = {"state": torch.from_numpy(state), "angular": torch.from_numpy(angular)}
     asked = {"state": torch.from_numpy(now[0]), "angular": torch.from_numpy(now[1])}
-    found = recall(network, steps, asked, spans[track, 0], before, on_step.astype(bool))
+    found = outputs_at_instants(network, steps, asked, spans[track, 0], before, on_step.astype(bool))
     inputs, expected = np.concatenate([state, angular], axis=-1), []
     for i, (k, b, on) in enumerate(instants):
         first = spans[k, 0]
@@ -152,7 +153,7 @@ def asked_along(dt_s, every_s, starts_s=(0.0, 0.55), detections=(11, 8)):
     order = np.lexsort((time_s, track))
     scene = Scene("walk", Trajectories(time_s[order], track[order], place[order]), ground, every_s)
     sizes = ForecastProtocol(dt_s=dt_s, horizon_steps=STEPS)
-    request = ask_about_windows(scene, Perception(TRACKER, 0.2), sizes)
+    request = find_windows(scene, Perception(TRACKER, 0.2), sizes).request
     return dataclasses.replace(request, rows=np.random.default_rng(3).permutation(len(request.table)))
 
 
