@@ -28,7 +28,6 @@ from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker
 from pedpred.files import write_text
 from pedpred.forecasting import MethodRow
-from pedpred.literature.settings import ComparisonSettings
 from pedpred.models import ARCHITECTURES
 from pedpred.models.features import FEATURES
 from pedpred.models.registry import parse_settings
@@ -39,7 +38,7 @@ from pedpred.settings import check_names, load, load_each, load_together
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
-from pedpred.simulation.settings import SetUse, SimulationSettings, social_force_settings
+from pedpred.simulation.settings import SimulationSettings, social_force_settings
 from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.sources import SETTINGS
 from pedpred.sources.eth_ucy import EthUcySettings
@@ -48,7 +47,7 @@ from pedpred.training.distributed import DeviceSettings, ThreadSettings
 from stages import eth_ucy
 from stages.code import write_code
 from stages.drive import trials_of
-from stages.eth_ucy import MODELS, PHASES, comparison_of
+from stages.eth_ucy import MODELS, PHASES, ComparisonSettings, comparison_of
 from stages.fetch import mirrors_of
 from stages.folds import trained_sets
 from stages.perception import features_of, kalman_of, protocol_of
@@ -62,7 +61,7 @@ from stages.row_types import (
     RecordingRows,
     Reference,
 )
-from stages.simulate import read_layouts
+from stages.simulate import SetTracking, read_layouts
 from stages.train import NONE, networks_of, phase_of, training_of
 from stages.validate_simulation import flow_of
 from stages.worlds import worlds_of
@@ -101,13 +100,11 @@ def _whole(group: str, *kinds: type) -> Check:
 
 
 def _simulation(cfg: Params, name: str) -> None:
-    simulation = part(cfg, "simulations", name)
-    SimulationSettings.parse(simulation)
-    load_together([SimulationSettings, SetUse], simulation)
+    load_together([SimulationSettings, SetTracking], part(cfg, "simulations", name))
 
 
 def _place(cfg: Params, name: str) -> None:
-    place, use = load_together([PlaceRow, SetUse], part(cfg, "places", name))
+    place, use = load_together([PlaceRow, SetTracking], part(cfg, "places", name))
     if place.source in SETTINGS:
         load(SETTINGS[place.source], place.settings, "settings")
     if place.source in WITHOUT_VELOCITIES and row(cfg, "trackers", use.tracker).get("kind") == "truth":

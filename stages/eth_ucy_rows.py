@@ -7,8 +7,8 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import one_of, stage, stage_key
+from pedpred.evaluation.observed import training_rows
 from pedpred.features import extract_blocks
-from pedpred.literature.windows import protocol_of, training_rows
 from pedpred.models.features import RowFormat
 from pedpred.storage.scenes import read_scene
 from pedpred.storage.shards import write_manifest, write_shard
@@ -49,7 +49,7 @@ def main(cfg: DictConfig) -> None:
     """Write data/eth_ucy/rows/<name>/recorded/<recording>; no rows where a recording is not available."""
     model = stage_key(cfg)
     one_of("name", model, cfg.features)
-    made_with = RowFormat(protocol_of(protocol_settings(cfg)), model, features_of(cfg, model))
+    made_with = RowFormat(protocol_settings(cfg).protocol, model, features_of(cfg, model))
     out = Path(cfg.get("out", TOP / "rows" / model / "recorded"))
     write = write_steps if made_with.features.has_memory else write_windows
     tasks = [(out / name, cfg, made_with, name) for name in cfg.literature.recordings]

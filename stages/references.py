@@ -7,8 +7,8 @@ from dataclasses import fields
 from typing import Any
 
 from pedpred.config import SETS, one_of, part
+from pedpred.driving.places import KINDS
 from pedpred.driving.trials import NO_WORLD
-from pedpred.driving.worlds import KINDS
 from pedpred.models import ARCHITECTURES
 from pedpred.scenes import VARIANTS
 from pedpred.sources import SOURCES

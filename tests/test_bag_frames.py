@@ -92,7 +92,7 @@ def test_an_optical_frame_without_transforms_is_refused(ros2, tmp_path):
 
 @pytest.mark.parametrize("frame", ["", "base_link"])
 def test_the_frame_of_a_message_without_people_does_not_count(frame, ros2, tmp_path):
-    """Many trackers fill in nothing when nobody is there."""
+    """Many trackers fill in nothing when there are no people."""
     empty = "/tracks", PEOPLE, ros2.people(PEOPLE, 0.7, {}, frame)
     path = ros2.write(tmp_path / "hall", [*stream(ros2), empty])
     assert len(read_bag(path).trajectories) == 6

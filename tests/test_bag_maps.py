@@ -10,7 +10,7 @@ from rosbags import rosbag1
 from scipy.spatial.distance import cdist
 
 from pedpred.command import main
-from pedpred.errors import InputError, ShapeError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError
 from pedpred.geometry import rotate
 from pedpred.ros import map_of_grid, read_bag
 from pedpred.ros.grids import HORIZON
@@ -176,5 +176,5 @@ def test_a_tilted_map_is_refused():
 
 def test_a_map_is_refused_before_its_cells_are_read():
     """The same bound as that of every map, so that what can be written can be read."""
-    with pytest.raises(ShapeError):
+    with pytest.raises(ValueRuleError):
         map_of_grid(Message(info=sized(9000, 9000)))  # it has no data

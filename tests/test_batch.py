@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation.windows import find_windows
 from pedpred.features.perception import Perception
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.batch import predictions_in_blocks
@@ -17,7 +17,7 @@ from tests.worlds import walled_scene
 
 def both(scene: Scene, predictor: OnlinePredictor):
     sizes = predictor.protocol
-    request = ask_about_windows(scene, Perception(predictor.filters, 0.2, SensorSettings()), sizes)
+    request = find_windows(scene, Perception(predictor.filters, 0.2, SensorSettings()), sizes).request
     asked = request.asked
     slow = predictions_at(replay_scene(scene, predictor), asked.track_id, asked.time_s, 10, sizes.dt_s)
     which, parts = zip(*predictions_in_blocks(predictor, request, ""), strict=True)

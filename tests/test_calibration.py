@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.baselines.kalman import kalman_covariance
+from pedpred.baselines.present_motion import kalman_covariance
 from pedpred.geometry import rotate, rotated_covariance
 from pedpred.metrics.calibration import (
     COARSE,

@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.driving.course import course_to, route, walls_of
+from pedpred.driving.crowds import RecordedPeople, ReplayedCrowd
 from pedpred.driving.episodes import DriveSettings, Episode, EpisodeSettings, Place, draw_episode
 from pedpred.driving.forecasters import METHODS, NAMES, TRUTH, forecaster_of
 from pedpred.driving.loop import Drive, drive
 from pedpred.driving.measures import find_contacts, measure
-from pedpred.driving.people import RecordedPeople, Replay, Window
 from pedpred.driving.risk import contact_m, overlap
 from pedpred.driving.robot import KINDS, Robot, advance
-from pedpred.driving.sensor import Faults, SensorSettings, visible
+from pedpred.driving.sensor import Faults, RobotSensor, visible
 from pedpred.driving.tracked import TrackedPeople
 from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
@@ -23,7 +23,7 @@ from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from tests.worlds import blocked, empty_map
 
 DT_S = 0.1
-EXACT = SensorSettings(noise_m=0.0, missed=0.0)
+EXACT = RobotSensor(noise_m=0.0, missed=0.0)
 CALM = DriveSettings(sensor=EXACT)
 REACH_M = contact_m(Robot().radius_m)
 
@@ -37,11 +37,11 @@ def window_of(paths, first_s=10.0, goal=None):
     """People who have been there for a while, and go to the ends of their paths; paths: [T, N, 2]."""
     ticks, people = paths.shape[:2]
     there_s = first_s + np.arange(ticks)[:, None] * DT_S + np.zeros(people)
-    return Window(DT_S, np.arange(people), paths, there_s, paths[-1] if goal is None else goal)
+    return ReplayedCrowd(DT_S, np.arange(people), paths, there_s, paths[-1] if goal is None else goal)
 
 
 def straight(places, velocities, ticks=400):
-    """Window of people who walk straight on."""
+    """People who walk straight on."""
     seconds = np.arange(ticks)[:, None, None] * DT_S
     return window_of(np.array(places, float)[None] + seconds * np.array(velocities, float))
 
@@ -201,10 +201,10 @@ def test_only_the_named_forecaster_sees_the_future(predictor, method):
 
     Those who turn have the same goals: social forces know these, and nothing else of the future.
     """
-    turned = CROSSING.position.copy()
+    turned = CROSSING.path.copy()
     at = 35
     turned[at:] = turned[at - 1] + (turned[at:] - turned[at - 1])[..., ::-1] * (1.0, -1.0)
-    turned = window_of(turned, goal=CROSSING.goal)
+    turned = window_of(turned, goal=CROSSING.goals)
     one, other = (
         driven(predictor, method, episode_to((4.0, 0.0), window, ticks=at)) for window in (CROSSING, turned)
     )
@@ -220,7 +220,7 @@ def test_mirrored_worlds_give_mirrored_drives(predictor, kind, method):
     """A robot of another kind plans with the same forecasts: one with modes and covariances, one exact."""
     ground = blocked(np.s_[110:115, 70:90])
     mirror = replace(ground, occupied=ground.occupied[:, ::-1].copy())
-    other = window_of(CROSSING.position * (1.0, -1.0))
+    other = window_of(CROSSING.path * (1.0, -1.0))
     goal = np.array([4.0, 0.37])
     one = driven(predictor, method, episode_to(goal, CROSSING, ground=ground), kind_of(kind), ground)
     two = episode_to(goal * (1.0, -1.0), other, ground=mirror)
@@ -248,9 +248,7 @@ def test_a_track_lasts_up_to_its_longest_gap(predictor):
 def test_social_forces_turn_to_the_goal_around_a_wall(predictor):
     """Somebody walks towards a wall; the goal is behind its end."""
     ground = blocked(np.s_[110:125, 80:120])
-    window = straight([(-3.0, -1.0)], [(1.2, 0.0)], 40)
-    window = replace(window, goal=np.array([[4.0, -4.0]]))
-    crowd = Replay(window)
+    crowd = replace(straight([(-3.0, -1.0)], [(1.2, 0.0)], 40), goals=np.array([[4.0, -4.0]]))
     forecasts = {name: forecaster_of(name, predictor, ground, crowd) for name in ("social_force", "kalman")}
     for tick in range(25):
         found = {
@@ -324,9 +322,9 @@ def test_people_are_where_they_were_recorded():
     for time_s in (0.0, 0.5, 4.0):
         tick = round(time_s / DT_S)
         rows = trajectories.time_s == time_s
-        there = np.isfinite(window.position[tick, :, 0])
-        np.testing.assert_allclose(window.position[tick, there], trajectories.position[rows], atol=1e-9)
-    assert (window.there_s[np.isfinite(window.position[..., 0])] >= -1e-9).all()
+        there = np.isfinite(window.path[tick, :, 0])
+        np.testing.assert_allclose(window.path[tick, there], trajectories.position[rows], atol=1e-9)
+    assert (window.path_there_s[np.isfinite(window.path[..., 0])] >= -1e-9).all()
 
 
 def test_an_episode_depends_on_seed_and_number_only():

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pedpred.driving import worlds
+from pedpred.driving import places
 from pedpred.driving.episodes import DriveSettings
 from pedpred.driving.forecasters import NAMES, forecaster_of
 from pedpred.driving.loop import ROBOT, drive
+from pedpred.driving.places import KINDS, Worlds, draw_world
 from pedpred.driving.robot import Robot
-from pedpred.driving.worlds import KINDS, Worlds, draw_world
 from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
 from tests.conftest import ROOT
@@ -48,9 +48,9 @@ def test_people_go_around_a_robot_that_stands_in_their_way():
     """Nobody whom it could hit walks through it, while people who ignore it do."""
     nearest = {True: np.inf, False: np.inf}
     for number in range(4):
-        place, episode = Worlds("corridor", react=True).draw(number, DriveSettings())
-        for react, among in ((True, episode), (False, replace(episode, walkers=None))):
-            crowd = among.crowd()
+        for react in (True, False):
+            place, episode = Worlds("corridor", react).draw(number, DriveSettings())
+            crowd = episode.crowd()
             first = crowd.position[np.isfinite(crowd.position[:, 0])]
             where = first[0] + 2.5 * np.array([1.0, 0.0])
             for _ in range(100):
@@ -119,7 +119,7 @@ def test_people_who_react_walk_to_goals_of_their_world(corridor):
 
 
 def test_where_no_world_has_an_episode_the_reasons_are_said(monkeypatch):
-    monkeypatch.setattr(worlds, "_DRAWS", 2)
+    monkeypatch.setattr(places, "_DRAWS", 2)
     wide = DriveSettings(Robot(radius_m=3.0))
     with pytest.raises(ValueRuleError) as error:
         Worlds("corridor", react=True).draw(0, wide)

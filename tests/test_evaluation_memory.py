@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pedpred.command.prediction import predictor_for
 from pedpred.evaluation import EvaluationSettings
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.features.surroundings import present_rows
@@ -65,7 +65,7 @@ def test_figures_do_not_depend_on_the_size_of_the_blocks(kind, crowd, request, m
 
 
 def same_in_blocks(rows, whole, crowd, folder, monkeypatch):
-    monkeypatch.setattr("pedpred.forecasting.chain._ROWS_AT_ONCE", rows)
+    monkeypatch.setattr("pedpred.forecasting.blocks._ROWS_AT_ONCE", rows)
     monkeypatch.setattr(EXTRACT, "_ROWS_AT_ONCE", rows)
     blocks = assess(crowd, predictor_for(crowd, folder), SETTINGS)
     assert list(blocks) == list(whole)
@@ -112,7 +112,7 @@ def test_who_is_present_does_not_depend_on_the_size_of_blocks(most, seed, max_ag
 def test_without_memory_only_its_steps_are_left_out(crowd):
     how = Perception(TRACKER, 0.2)
     full, lean = (
-        ask_about_windows(crowd, how, ForecastProtocol(), memory=memory) for memory in (True, False)
+        find_windows(crowd, how, ForecastProtocol(), memory=memory).request for memory in (True, False)
     )
     np.testing.assert_array_equal(full.rows, lean.rows)
     for name, values in lean.table.columns.items():

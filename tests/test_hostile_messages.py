@@ -92,7 +92,7 @@ def drain(follower, now_s):
 @settings(max_examples=60)
 @given(st.lists(st.tuples(SENT, st.booleans()), max_size=25))
 def test_after_whatever_messages_a_sound_stream_is_forecast(sent):
-    """From its first frame on, with everybody; and every error on the way can be repaired by a person."""
+    """From its first frame on, with all people; every error on the way is one of the package."""
     follower = follower_of(use_map=True, occupancy_cell_m=0.5)
     for k, ((name, raw), fixed) in enumerate(sent):
         take(follower, name, raw, k / 100, fixed)

@@ -1,4 +1,4 @@
-"""Who is who in a stream of messages: by ids where these stay with people, else by position."""
+"""Identify people in a stream of messages: by ids where these stay with people, else by position."""
 
 import numpy as np
 import pytest
@@ -22,14 +22,18 @@ def numbers_of(identities, messages):
 
 
 def crossing(count=40, name=lambda k, person: f"{person + 3}"):
-    """Two people whose ways cross, listed in turn in either order, and who each of them is."""
-    messages, who = [], []
-    for k in range(count):
+    """Messages with two people whose ways cross, in either order, and these orders."""
+    orders = [[0, 1] if k % 2 else [1, 0] for k in range(count)]
+    messages = []
+    for k, order in enumerate(orders):
         places = [(0.13 * k - 2.0, 0.0), (0.0, 0.11 * k - 3.0)]
-        order = [0, 1] if k % 2 else [1, 0]
         messages.append(([name(k, person) for person in order], [places[person] for person in order]))
-        who.append(order)
-    return messages, who
+    return messages, orders
+
+
+def recorded(messages, **more):
+    """The numbers in a recording."""
+    return numbers_of(Identities(recording=[ids for ids, _ in messages], **more), messages)
 
 
 @given(st.lists(st.text(max_size=3) | st.integers(-(2**70), 2**70).map(str) | st.just("007"), unique=True))
@@ -47,11 +51,9 @@ def test_whole_numbers_stay_and_other_names_get_some():
 
 @pytest.mark.parametrize("mode", ["auto", "given"])
 def test_ids_that_stay_are_the_numbers(mode):
-    messages, who = crossing()
-    expected = [[person + 3 for person in order] for order in who]
-    assert numbers_of(Identities(mode), messages) == expected
-    recorded = Identities(mode, recording=[ids for ids, _ in messages])
-    assert numbers_of(recorded, messages) == expected
+    messages, orders = crossing()
+    expected = [[person + 3 for person in order] for order in orders]
+    assert numbers_of(Identities(mode), messages) == recorded(messages, mode=mode) == expected
 
 
 NO_IDENTITIES = {
@@ -65,34 +67,23 @@ NO_IDENTITIES = {
 
 @pytest.mark.parametrize("kind", NO_IDENTITIES)
 def test_people_without_identities_are_assigned_in_a_recording(kind):
-    messages, who = crossing(name=NO_IDENTITIES[kind])
-    numbers = numbers_of(Identities(recording=[ids for ids, _ in messages]), messages)
-    assert numbers == [[{0: 2, 1: 1}[person] for person in order] for order in who]
+    messages, orders = crossing(name=NO_IDENTITIES[kind])
+    expected = [[{0: 2, 1: 1}[person] for person in order] for order in orders]
+    assert recorded(messages) == expected
+    assert (
+        numbers_of(Identities("assigned"), messages)
+        == numbers_of(Identities(has_ids=False), messages)
+        == expected
+    )
 
 
 @pytest.mark.parametrize("kind", NO_IDENTITIES)
 def test_people_without_identities_are_assigned_live(kind):
     """From the tenth message on: before, ids that are new could be those of new people."""
-    messages, who = crossing(name=NO_IDENTITIES[kind])
-    numbers = numbers_of(Identities(), messages)
-    by_person = {
-        person: {row[order.index(person)] for row, order in zip(numbers[9:], who[9:], strict=True)}
-        for person in (0, 1)
-    }
-    assert [len(found) for found in by_person.values()] == [1, 1]
-
-
-def test_a_type_without_ids_is_assigned():
-    messages, who = crossing(name=lambda k, person: "")
-    assert numbers_of(Identities(has_ids=False), messages) == [
-        [{0: 2, 1: 1}[person] for person in order] for order in who
-    ]
-
-
-def test_assigned_people_do_not_depend_on_ids():
-    messages, _ = crossing()
-    bare, _ = crossing(name=lambda k, person: "")
-    assert numbers_of(Identities("assigned"), messages) == numbers_of(Identities("assigned"), bare)
+    messages, orders = crossing(name=NO_IDENTITIES[kind])
+    numbers = numbers_of(Identities(), messages)[9:]
+    for person in (0, 1):
+        assert len({row[order.index(person)] for row, order in zip(numbers, orders[9:], strict=True)}) == 1
 
 
 @pytest.mark.parametrize("ids", [["1", ""], ["1", "1"], ["nan", "2"]])
@@ -181,4 +172,4 @@ def test_detections_that_are_noise_do_not_fill_the_memory():
     rng, tracks = np.random.default_rng(0), NearestTracks()
     for k in range(30):
         tracks.assign(k / 1000, rng.uniform(-1e4, 1e4, (300, 2)))
-        assert len(tracks._track_id) <= assignment._MOST_TRACKS + 300
+        assert len(tracks._tracks) <= assignment._MOST_TRACKS + 300

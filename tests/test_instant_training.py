@@ -17,7 +17,7 @@ from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.registry import parse_settings
 from pedpred.storage.situations import situation_columns, write_situations, write_situations_manifest
 from pedpred.training.distributed import DistributedContext
-from pedpred.training.instants import InstantLearner, InstantSettings
+from pedpred.training.instants import InstantSettings
 from pedpred.training.loop import train
 from tests.exported import widths_of
 
@@ -53,7 +53,7 @@ def learner(folders, how=QUICK, **context):
     torch.manual_seed(0)
     network = NETWORK.build(widths_of(SIZES), STEPS)
     here = DistributedContext(torch.device("cpu"), **context)
-    return InstantLearner(network, load_instants(folders), how, here)
+    return how.learner(network, load_instants(folders), here)
 
 
 def test_rows_are_those_on_disk_and_sets_have_equal_sizes(folders, tmp_path):
@@ -84,7 +84,7 @@ def test_a_training_goes_on_where_it_was_interrupted(folders, tmp_path):
 def test_an_encoder_may_stay_as_it_was_drawn(folders):
     settings = dataclasses.replace(NETWORK, frozen=["beams"])
     data = load_instants(folders)
-    taught = InstantLearner(settings.build(widths_of(SIZES), STEPS), data, QUICK)
+    taught = QUICK.learner(settings.build(widths_of(SIZES), STEPS), data)
     before = {name: weights.clone() for name, weights in taught.network.state_dict().items()}
     train(taught, None, "train")
     changed = {n for n, weights in taught.network.state_dict().items() if not torch.equal(weights, before[n])}

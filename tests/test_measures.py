@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from pedpred.evaluation import EvaluationSettings, score
-from pedpred.evaluation.scores import describe_scene as scene_of_windows
+from pedpred.evaluation.measure import describe_scene as scene_of_windows
 from pedpred.evaluation.summary import TrackBootstrap
 from pedpred.features import ForecastProtocol, extract_at_detections
 from tests.forecasts import drawn_predictions, request_about

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.models.mixture.features.nearest import NEIGHBOUR
@@ -66,7 +66,7 @@ def test_unread_velocities_of_neighbours_change_nothing():
 
 def test_people_who_choose_alone_keep_their_weights(mixture):
     scene = walled_scene(np.random.default_rng(1), 0.3, tracks=20, detections=15)
-    request = ask_about_windows(scene, Perception(TRACKER, 0.2), ForecastProtocol())
+    request = find_windows(scene, Perception(TRACKER, 0.2), ForecastProtocol()).request
     request = dataclasses.replace(request, rows=np.arange(len(request.table)))
     together, alone = (forecaster_of(*mixture[1:], together=choice)(request) for choice in (True, False))
     np.testing.assert_array_equal(together.point, alone.point)

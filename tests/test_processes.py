@@ -11,11 +11,11 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from pedpred.models.lstm.augmentation import Augmentation
 from pedpred.training import train as train_learner
+from pedpred.training.augmentation import Augmentation
 from pedpred.training.distributed import ALONE, DistributedContext, distributed_context
 from pedpred.training.loop import train_step
-from pedpred.training.sequences import SequenceLearner
+from tests.exported import train_on
 from tests.refused import refused
 from tests.test_learning import QUICK, SMALL, WIDTHS, toy_data
 
@@ -28,7 +28,7 @@ def train(here, folder):
     data = toy_data(np.random.default_rng(2))
     data.future_steps[::7] = 1  # so that the processes' shares weigh differently
     network = SMALL.build(WIDTHS, 4)
-    learner = SequenceLearner(network, data, data.spans.rows[:4], data.spans.rows[4:], VARIED, here)
+    learner = train_on(network, data, data.spans.rows[:4], data.spans.rows[4:], VARIED, here)
     return train_learner(learner, folder, "")
 
 
@@ -91,7 +91,7 @@ def test_bfloat16_products_change_a_loss_by_rounding_only(narrow_lstm):
     losses = []
     for narrow in (False, True):
         here = DistributedContext(ALONE.device, narrow)
-        learner = SequenceLearner(network, data, data.spans.rows, data.spans.rows, VARIED, here)
+        learner = train_on(network, data, data.spans.rows, data.spans.rows, VARIED, here)
         losses.append(learner.loss(next(learner.batches(0)), 0).reported.item())
     assert losses[0] != losses[1]
     assert losses[1] == pytest.approx(losses[0], rel=2e-2)
@@ -107,7 +107,7 @@ def test_a_training_step_stays_on_its_device():
     """A step makes no tensor elsewhere and reads no value: on the device "meta", both would fail."""
     far = DistributedContext(torch.device("meta"))
     network, data = SMALL.build(WIDTHS, 4).to(far.device), toy_data(np.random.default_rng(0)).to(far.device)
-    learner = SequenceLearner(network, data, data.spans.rows, data.spans.rows, VARIED, far)
+    learner = train_on(network, data, data.spans.rows, data.spans.rows, VARIED, far)
     learner.optimizer = torch.optim.SGD(network.parameters())
     for step, batch in enumerate(islice(learner.batches(0), 2)):
         loss = train_step(learner, batch, step)

@@ -7,12 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.forecasting.detections import Detections
 from pedpred.forecasting.regions import Regions
 from pedpred.metrics.calibration import REGIONS, coverage, share_inside
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.scenes import Predictions
-from tests.forecasts import learned
+from tests.learners import at_instant, learned, place_of
 
 STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
 STAND, WALK = 0, 1
@@ -82,12 +81,13 @@ def test_nothing_is_learned_from_the_future(seed, cut):
 
 
 def stepped(regions, predictions, track_id, time_s, here, frames):
-    """Regions after some frames."""
+    """The place after some frames."""
+    place = place_of(regions)
     for time in np.unique(time_s)[frames]:
         rows = np.flatnonzero(time_s == time)
         own = predictions.select(rows)
-        regions, _ = regions.after(float(time), track_id[rows], here[rows], rows >= 0, own)
-    return regions
+        place, _ = at_instant(place, time, track_id[rows], here[rows], rows >= 0, own)
+    return place
 
 
 def test_people_who_leave_teach_nothing_in_the_end():
@@ -95,30 +95,13 @@ def test_people_who_leave_teach_nothing_in_the_end():
     time_s, track_id, here, right = walks(np.random.default_rng(9), frames=24, people=5)
     stays = time_s < 2.8
     given_ = scaled(right, 0.5)
-    regions = stepped(Regions.unlearned(STEPS), given_, track_id, time_s, here, slice(10))
-    assert (regions.learned[0, STAND, :2] > 0.02).all()
+    place = stepped(Regions.initial(STEPS), given_, track_id, time_s, here, slice(10))
+    assert (place.regions.learned[0, STAND, :2] > 0.02).all()
     nobody = np.flatnonzero(~stays)[:0]
     for time in np.unique(time_s[~stays]):
         own = given_.select(nobody)
-        regions, _ = regions.after(float(time), track_id[nobody], here[nobody], nobody >= 0, own)
-    np.testing.assert_allclose(regions.learned, 0.0, atol=1e-12)
-
-
-@settings(deadline=None)
-@given(people=st.integers(1, 5), later_s=st.floats(0.002, 5.0))
-def test_positions_after_the_last_detection_are_unknown(people, later_s):
-    track_id, time_s = np.repeat(np.arange(people), 8), np.tile(np.arange(8) * 0.4, people)
-    known = Detections(time_s, track_id, np.ones((len(time_s), 2)))
-    asked = np.arange(people)
-    assert np.isnan(known.at(asked, np.full(people, 2.8 + later_s))[0]).all()
-    np.testing.assert_allclose(known.at(asked, np.full(people, 2.8))[0], 1.0)
-
-
-def test_people_who_are_not_detected_teach_nothing():
-    time_s, track_id, here, predictions = walks(np.random.default_rng(3), frames=60)
-    away = here + 100.0
-    hidden = learned(scaled(predictions, 0.2), track_id, time_s, away, np.zeros(len(here), bool))
-    np.testing.assert_array_equal(hidden.covariance, scaled(predictions, 0.2).covariance)
+        place, _ = at_instant(place, time, track_id[nobody], here[nobody], nobody >= 0, own)
+    np.testing.assert_allclose(place.regions.learned, 0.0, atol=1e-12)
 
 
 def test_forecasts_without_covariances_stay():
@@ -131,12 +114,13 @@ def test_forecasts_without_covariances_stay():
 
 def test_what_is_kept_does_not_grow():
     time_s, track_id, here, predictions = walks(np.random.default_rng(5), frames=300, people=30)
-    regions, sizes = Regions.unlearned(STEPS), []
+    place, sizes = place_of(Regions.initial(STEPS)), []
     for frame in range(300):
         rows = np.arange(frame * 30, (frame + 1) * 30)
         own = predictions.select(rows)
-        regions, _ = regions.after(time_s[rows[0]], track_id[rows] + frame, here[rows], rows >= 0, own)
-        sizes.append((len(regions.waiting), len(regions.taught.step), len(regions.detections.time_s)))
+        place, _ = at_instant(place, time_s[rows[0]], track_id[rows] + frame, here[rows], rows >= 0, own)
+        regions = place.regions
+        sizes.append((len(regions.pending), len(regions.adjustment.step), len(place.detections.time_s)))
     assert (np.max(sizes, axis=0) == np.max(sizes[:50], axis=0)).all()
     assert np.max(sizes) < 50 * 30
 

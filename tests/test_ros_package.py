@@ -26,7 +26,7 @@ def test_the_file_of_parameters_has_the_nodes_names_and_kinds():
     NodeSettings(**{name: tuple(v) if isinstance(v, list) else v for name, v in given.items()})
 
 
-def test_rviz_and_the_costmap_layer_listen_to_what_the_node_publishes():
+def test_rviz_and_the_costmap_layer_subscribe_to_known_topics():
     published = {
         f"/{topic}": kind for topic, kind in output_types(NodeSettings(occupancy_cell_m=0.1), 10).items()
     }
@@ -40,8 +40,8 @@ def test_rviz_and_the_costmap_layer_listen_to_what_the_node_publishes():
     layer = layers["local_costmap"]["local_costmap"]["ros__parameters"]["people_layer"]
     assert published[layer["map_topic"]] == "nav_msgs/msg/OccupancyGrid"
     (page,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs/nav2.md").read_text(), re.DOTALL)
-    told = yaml.safe_load(page)["local_costmap"]["local_costmap"]["ros__parameters"]
-    assert told["people_layer"].items() <= layer.items()
+    shown = yaml.safe_load(page)["local_costmap"]["local_costmap"]["ros__parameters"]
+    assert shown["people_layer"].items() <= layer.items()
 
 
 _ON_A_ROBOT = """
@@ -83,8 +83,8 @@ def test_a_robot_needs_no_libraries_that_read_files():
 @with_ros
 def test_colcon_can_read_the_package():
     """By catkin_pkg, which colcon asks: it checks the fields by REP 149, addresses and duplicates, too."""
-    script = "import sys; from catkin_pkg.package import parse_package; said = []; "
-    script += "parse_package(sys.argv[1], warnings=said); sys.exit('; '.join(said) or 0)"
+    script = "import sys; from catkin_pkg.package import parse_package; found = []; "
+    script += "parse_package(sys.argv[1], warnings=found); sys.exit('; '.join(found) or 0)"
     command = [ROOT / "build/ros/bin/python", "-c", script, PACKAGE]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -117,7 +117,7 @@ def test_node_and_rviz_take_the_same_transforms(launched):
         assert (remapped["/tf"], remapped["/tf_static"]) == ("<tf>", ["<tf>", "_static"])
 
 
-def test_rviz_shows_the_topics_of_the_namespace_and_the_map_that_the_node_uses(launched):
+def test_rviz_shows_the_topics_of_the_namespace(launched):
     _, asked = launched
     topics = re.findall(r"Value: (/\S+)", (PACKAGE / "rviz/pedpred.rviz").read_text())
     assert len(topics) == 4
@@ -128,9 +128,8 @@ def test_rviz_shows_the_topics_of_the_namespace_and_the_map_that_the_node_uses(l
 
 def test_help_lists_every_parameter_without_an_installed_ros():
     script = "import sys; sys.modules['rclpy'] = None; from pedpred.ros2.main import main; main()"
-    told = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", script, "--help"], cwd=ROOT, capture_output=True, text=True, check=False
     )
-    assert told.returncode == 0, told.stderr
-    told_of = {line.partition(" ")[0] for line in told.stdout.splitlines()}
-    assert PARAMETERS.keys() <= told_of
+    assert done.returncode == 0, done.stderr
+    assert PARAMETERS.keys() <= {line.partition(" ")[0] for line in done.stdout.splitlines()}

@@ -22,7 +22,7 @@ from pedpred.ros2.diagnostics import (
     status_values,
 )
 from pedpred.ros2.log import RosHandler, guarded
-from pedpred.ros2.settings import LIVE, PARAMETERS, NodeSettings, described, unchangeable
+from pedpred.ros2.settings import LIVE, PARAMETERS, NodeSettings, unchangeable
 from tests.bags import PEOPLE
 from tests.following import answered, follower_of, grid, people
 
@@ -38,7 +38,7 @@ def update(x, y, values, frame="map"):
     return serialize(UPDATE_TYPE, content | {"x": x, "y": y, "width": width, "height": height})
 
 
-def test_a_map_in_another_frame_begins_anew_and_the_same_map_changes_nothing(caplog):
+def test_a_map_in_another_frame_begins_anew(caplog):
     caplog.set_level("INFO", "pedpred.ros2.follower")
     follower = follower_of(use_map=True)
     answered(follower, people(1.0, anna=(1.0, 0.0)))
@@ -128,8 +128,8 @@ def test_a_map_that_is_none_is_refused_and_the_one_before_stays(odd):
 # Diagnostics
 
 
-def diagnosed(follower, now_s=0.0, publishers=1, before=None, **more):
-    return diagnose(follower, now_s, publishers, before or Counts(), **more)
+def diagnosed(follower, now_s=0.0, kinds=(PEOPLE,), before=None, **more):
+    return diagnose(follower, now_s, kinds, before or Counts(), **more)
 
 
 def test_a_sound_stream_is_ok():
@@ -143,7 +143,7 @@ def test_a_sound_stream_is_ok():
 @pytest.mark.parametrize(
     ("known", "word"),
     [
-        ({"publishers": 0}, "not published"),
+        ({"kinds": []}, "not published"),
         ({"now_s": 9.0}, "no people received"),
         ({"now_s": 9.0, "kinds": [PEOPLE, BOXES]}, BOXES),
         ({"latency_ms": 1700.0}, "1700 ms"),
@@ -170,24 +170,13 @@ def test_stamps_of_another_clock_are_a_warning(age_s):
     assert f"{age_s:.1f} s" not in diagnosed(follower, clock_ns=0)[1]
 
 
-def test_forecasts_without_a_map_or_in_a_frame_that_moves_are_a_warning():
+def test_no_map_and_a_frame_that_moves_are_a_warning():
     follower = follower_of(use_map=True, map_frame="robot1/base_link")
     answered(follower, people(1.0, "robot1/base_link", anna=(1.0, 0.0)))
     level, text = diagnosed(follower)
     assert level == WARN
     assert "no map" in text
     assert "robot1/base_link" in text
-
-
-def test_a_map_that_does_not_lie_under_people_is_a_warning():
-    follower = follower_of(use_map=True)
-    follower.take_map(grid(np.zeros((20, 20)), position={"x": 5000.0, "y": 5000.0}))
-    for k in range(40):
-        here = {str(n): (0.12 * k, 3.0 * n) for n in range(3)}
-        answered(follower, people(100.0 + 0.1 * k, **here), 0.1 * k)
-    level, text = diagnosed(follower, 4.0)
-    assert level == WARN
-    assert "map" in text
 
 
 def test_messages_without_forecasts_are_a_warning():
@@ -228,13 +217,6 @@ def test_a_status_is_a_message_with_all_values():
 
 
 # Parameters
-
-
-def test_every_parameter_is_explained():
-    text = described()
-    for name, (_, meaning) in PARAMETERS.items():
-        assert f"{name} (" in text
-        assert meaning
 
 
 @pytest.mark.parametrize(
@@ -326,14 +308,12 @@ class Kept:
     warning = info = error
 
 
-def test_kinds_of_errors_do_not_hide_each_other_and_do_not_pile_up():
+def test_kinds_of_errors_do_not_hide_each_other():
     kept = Kept()
     handler, log = RosHandler(kept), logging.Logger("node")
     log.addHandler(handler)
-    for k in range(3000):
-        log.error("message left out: %s", k, extra={"kind": ("people", "ValueRuleError", "id")})
-        log.error("message left out: %s", k, extra={"kind": ("map", "ValueRuleError", "data")})
-        log.error(f"wording {k}")
-    assert sum("message left out" in text for text in kept.texts) <= 2 + 2 * 2
-    assert {"message left out: 0", "wording 2999"} <= set(kept.texts)
-    assert len(handler._latest) < 1100
+    for k in range(300):
+        log.error("left out: %s", k, extra={"kind": ("people", "ValueRuleError", "id")})
+        log.error("left out: %s", k, extra={"kind": ("map", "ValueRuleError", "data")})
+        log.warning("another wording")
+    assert kept.texts == ["left out: 0", "left out: 0", "another wording"]

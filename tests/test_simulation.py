@@ -13,7 +13,7 @@ from pedpred.simulation.layouts import draw_targets
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import social_force_settings
 from pedpred.simulation.simulator import draw_desired_speeds, draw_visiting_plans, rollout
-from pedpred.simulation.walking import count_walking
+from pedpred.simulation.validation import count_walking
 from pedpred.storage.tracks import tracks_table
 from tests.refused import refused
 from tests.simulated import (

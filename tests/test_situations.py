@@ -23,7 +23,6 @@ from pedpred.situations import (
 )
 from pedpred.tracking import KalmanSettings
 from tests.exported import MIXTURE_ROWS, widths_of
-from tests.refused import refused
 from tests.simulated import SENSING, read, short_worlds
 from tests.worlds import walled_scene
 
@@ -143,14 +142,3 @@ def test_viewings_differ_and_repeat(rate_hz):
     assert all(0 < len(rows["future"]) <= 50 for rows in views)
     assert not np.array_equal(views[0]["history"], views[1]["history"])
     assert_equal(views[2], collect_viewing_rows(2, scene, rate_hz, VIEWINGS, RECIPE))
-
-
-def test_errors_name_the_field():
-    wrong = CONF["rows"] | {"trackers": [{"acceleration_noise": 0.0, "position_noise_m": 0.1}]}
-    for field, make in {
-        "kind": lambda: replace(CORRIDOR, kind="tunnel"),
-        "thinnings": lambda: replace(VIEWINGS, thinnings=()),
-        "rows.trackers[0]": lambda: load(RowSettings, wrong, "rows"),
-    }.items():
-        with refused(field):
-            make()

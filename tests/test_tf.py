@@ -116,7 +116,7 @@ def test_the_last_parent_of_a_frame_wins():
     assert frames.explain_missing("base", "map", 10.05)
 
 
-def test_a_loop_is_no_way_to_the_map():
+def test_a_loop_does_not_lead_to_the_map():
     frames = frames_of(transform("a", "b"), transform("b", "a"))
     assert frames.chain("a") == ["a", "b"]
     assert frames.explain_missing("a", "map", 0.0)
@@ -151,7 +151,7 @@ def test_old_poses_are_forgotten():
 
 
 def test_the_memory_of_a_live_stream_is_bounded():
-    """At 10 kHz, and with a frame for each person."""
+    """Also at 10 kHz, and with a frame for each person."""
     frames = moving(np.linspace(100.0, 105.0, 5 * MOST_POSES), kept_s=10.0)
     assert len(frames._edges["base"]._samples) <= 2 * 8 * MOST_POSES + 8
     frames.add(transform("map", "camera"), 0.0, True)
@@ -162,7 +162,7 @@ def test_the_memory_of_a_live_stream_is_bounded():
     assert frames.chain("base") == ["base"]
 
 
-def test_a_frame_whose_time_goes_back_is_begun_anew():
+def test_a_frame_whose_time_goes_back_begins_anew():
     """As where a simulation restarts; other frames stay."""
     frames = moving([100.0, 100.1], kept_s=10.0)
     frames.add(transform("map", "other", 100.0), 0.0, False)

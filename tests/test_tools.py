@@ -25,8 +25,8 @@ COMMANDS = {
     f"{path.parent.name}.{path.stem}": path.read_text() for path in FILES if "__main__" in path.read_text()
 }
 OF_A_PROJECT = [
-    ("ablate", "reach"), ("branches",), ("fit_social_force", "eth"), ("places", "tuned_on"), ("prose",),
-    ("readme", "--check"), ("recordings",), ("staleness",), ("tune_tracker", "eth"),
+    ("ablate", "reach"), ("fit_social_force", "eth"), ("places", "tuned_on"), ("prose",),
+    ("readme", "--check"), ("recordings",), ("tune_tracker", "eth"),
 ]  # fmt: skip
 
 

@@ -9,9 +9,9 @@ from pedpred.errors import ValueRuleError
 from pedpred.models.contract import displacements
 from pedpred.models.gaussian import covariance_of
 from pedpred.models.registry import parse_settings, plain_settings
-from pedpred.training import SequenceLearner, train
+from pedpred.training import train
 from tests import test_learning
-from tests.exported import lstm, roll, rows_of
+from tests.exported import lstm, roll, rows_of, train_on
 
 MEAN_ONLY = lstm(16, 16, {"state": (8, 8)}, dropout=0.2)
 WITH_SPREAD = dataclasses.replace(MEAN_ONLY, uncertainty="gaussian")
@@ -29,7 +29,7 @@ def trained(shape, data, scratch, **changes):
     torch.manual_seed(1)
     network = shape.build({"state": 2}, 3)
     how = dataclasses.replace(QUICK, **changes)
-    curve = train(SequenceLearner(network, data, data.spans.rows, data.spans.rows, how), scratch, "toy")
+    curve = train(train_on(network, data, data.spans.rows, data.spans.rows, how), scratch, "toy")
     return network.eval(), curve
 
 

@@ -11,8 +11,13 @@ from pedpred.errors import ValueRuleError
 from pedpred.report.canvas import png_bytes
 from pedpred.report.simulation_page import crowd_section, walking_findings
 from pedpred.scenes import Scene, Trajectories
-from pedpred.simulation.corridor_flow import FlowSettings, corridor_flow, lane_order
-from pedpred.simulation.walking import WalkingCounts, count_walking
+from pedpred.simulation.validation import (
+    FlowSettings,
+    WalkingCounts,
+    corridor_flow,
+    count_walking,
+    lane_order,
+)
 from tests.simulated import EMPTY_ROOM, SETTINGS, read
 
 FLOW = FlowSettings(**{k: v for k, v in read("validation/corridor_flow").items() if k != "social_force"})

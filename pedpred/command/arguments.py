@@ -17,10 +17,10 @@ from pedpred.command.options import open_options, recording_options
 from pedpred.command.prediction import check_prediction, predict
 from pedpred.command.warming import add_model, add_warm_up
 from pedpred.driving.forecasters import NAMES
+from pedpred.driving.places import KINDS as WORLDS
+from pedpred.driving.places import REACTIONS
 from pedpred.driving.robot import KINDS, Robot
-from pedpred.driving.sensor import SensorSettings
-from pedpred.driving.worlds import KINDS as WORLDS
-from pedpred.driving.worlds import REACTIONS
+from pedpred.driving.sensor import RobotSensor
 from pedpred.errors import OutputError
 from pedpred.evaluation import EvaluationSettings
 from pedpred.files import check_input, check_output
@@ -184,7 +184,7 @@ def _add_evaluation(command: argparse.ArgumentParser) -> None:
 
 
 def _add_driving(command: argparse.ArgumentParser) -> None:
-    add, robot, sensor = command.add_argument, Robot(), SensorSettings()
+    add, robot, sensor = command.add_argument, Robot(), RobotSensor()
     world = "drive in simulated worlds of this kind, a new one for each episode, instead of a scene"
     add("--world", choices=WORLDS, help=world)
     reaction = "whether simulated people react to the robot or ignore it (default react)"

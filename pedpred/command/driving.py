@@ -15,15 +15,15 @@ from tqdm import tqdm
 
 from pedpred.command.conversion import MCAP, stem_of, write_layout_beside
 from pedpred.command.recordings import OpenOptions, open_scene, warn_without_obstacles
-from pedpred.driving.episodes import DriveSettings, Recording
+from pedpred.driving.episodes import DriveSettings
 from pedpred.driving.figures import figures_of, summary
 from pedpred.driving.forecasters import NAMES, TRUTH
+from pedpred.driving.places import REACTIONS, Places, Recording, Worlds
 from pedpred.driving.robot import Robot
-from pedpred.driving.runs import Models, Places, Runner, checksum, run
-from pedpred.driving.sensor import SensorSettings
+from pedpred.driving.runs import Models, Runner, checksum, run
+from pedpred.driving.sensor import RobotSensor
 from pedpred.driving.shown import as_scene, describe, write_drive
 from pedpred.driving.table import Condition, Row, read_table, write_table
-from pedpred.driving.worlds import REACTIONS, Worlds
 from pedpred.errors import InputError, OutputError, ValueRuleError
 from pedpred.online.shipped import default_model
 
@@ -55,7 +55,7 @@ def check_drive(arguments: argparse.Namespace) -> None:
             raise ValueRuleError(name, str(value), rule)
     robot = Robot(arguments.robot, arguments.radius_m, arguments.speed_mps)
     view_rad = np.deg2rad(arguments.view_deg)
-    sensor = SensorSettings(arguments.range_m, view_rad, arguments.noise_m, arguments.missed)
+    sensor = RobotSensor(arguments.range_m, view_rad, arguments.noise_m, arguments.missed)
     arguments.settings = DriveSettings(robot=robot, sensor=sensor, seed=arguments.seed, shown=arguments.shown)
     arguments.models = Models(arguments.model or default_model(), dict(arguments.compare))
     if len(arguments.models.others) < len(arguments.compare):

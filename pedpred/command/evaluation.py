@@ -30,8 +30,8 @@ from pedpred.command.tables import (
 )
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
+from pedpred.evaluation.observed import TOLERANCE_S
 from pedpred.files import write_json
-from pedpred.literature.stretches import TOLERANCE_S
 from pedpred.metrics import METRICS
 from pedpred.metrics.paths import SAME_INSTANT_S
 from pedpred.online.assessment import ALWAYS, assess

@@ -13,11 +13,11 @@ from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.command.foreign import ForeignForecasts, answered_by_all
 from pedpred.command.tables import aligned
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import MetricSettings, Scores
+from pedpred.evaluation import MetricSettings, Scores, given, measure
+from pedpred.evaluation.measure import BEST_ADE, BEST_FDE
+from pedpred.evaluation.observed import WindowSettings, find_observed_windows
+from pedpred.features.perception import Perception
 from pedpred.forecasting import Forecaster, ForecastRequest
-from pedpred.literature.measures import BEST_ADE, BEST_FDE, measure
-from pedpred.literature.settings import WindowSettings
-from pedpred.literature.windows import WindowSet, find_windows
 from pedpred.online.assessment import NETWORK
 from pedpred.online.batch import predictions_in_blocks
 from pedpred.online.network import ModelDescription
@@ -59,25 +59,19 @@ def assess_windows(
         rule = f"this protocol needs annotations every {WINDOWS.step_s:g} s"
         raise ValueRuleError("protocol", f"{scene.name}, every {scene.detection_dt_s:g} s", rule)
     about = predictor.description
-    windows = find_windows(scene, WINDOWS, predictor.filters, about.standstill_mps, memory=False)
+    how = Perception(predictor.filters, about.standstill_mps)
+    windows = find_observed_windows(scene, how, WINDOWS, memory=False)
+    # Files of forecasts have the ids and times of the recording, windows their own.
+    recorded = replace(windows.request.asked, track_id=windows.track, time_s=windows.time_s)
+    named = replace(windows.request, table=recorded, rows=np.arange(len(windows)), tracks=None)
     if foreign:
-        kept = answered_by_all(foreign, _with_recorded_ids(windows))
-        request = replace(windows.request, rows=windows.request.rows[kept])
-        windows = WindowSet(request, windows.truth[kept], windows.track[kept], windows.end_s[kept])
-    forecasters: dict[str, Forecaster] = {key: make() for key, make in PRESENT_MOTION.items()}
+        kept = answered_by_all(foreign, named)
+        windows, named = windows.select(kept), replace(named, rows=named.rows[kept])
+    methods: dict[str, Forecaster] = {key: make() for key, make in PRESENT_MOTION.items()}
     if _fits(about, is_named):
-        forecasters[NETWORK] = partial(_forecast, predictor)
-    scores = {key: measure(windows, one, SAMPLES, settings) for key, one in forecasters.items()}
-    for name, forecasts in foreign.items():
-        answer = partial(_answer, forecasts(_with_recorded_ids(windows)))
-        scores[name] = measure(windows, answer, SAMPLES, settings)
-    return scores
-
-
-def _with_recorded_ids(windows: WindowSet) -> ForecastRequest:
-    """A request with the ids and times of the recording, which files of forecasts have."""
-    table = replace(windows.request.asked, track_id=windows.track, time_s=windows.end_s)
-    return replace(windows.request, table=table, rows=np.arange(len(windows.track)), tracks=None)
+        methods[NETWORK] = partial(_forecast, predictor)
+    methods |= {name: given(forecasts(named)) for name, forecasts in foreign.items()}
+    return measure(windows, methods, settings, samples=SAMPLES)
 
 
 def _fits(about: ModelDescription, is_named: bool) -> bool:
@@ -102,11 +96,6 @@ def _forecast(predictor: OnlinePredictor, request: ForecastRequest) -> Predictio
     blocks = predictions_in_blocks(predictor, request, f"forecast {request.scene.name}")
     which, parts = zip(*blocks, strict=True)
     return Predictions.join(parts).select(np.argsort(np.concatenate(which)))
-
-
-def _answer(predictions: Predictions, request: ForecastRequest) -> Predictions:
-    """Forecasts that were made for these windows."""
-    return predictions
 
 
 def protocol_table(name: str, scores: Mapping[str, Scores]) -> str:

@@ -25,7 +25,7 @@ BLANKS = " "
 """The delimiter that stands for any number of blanks and tabs."""
 MISSING = ("", "?", "-", "nan", "na", "n/a", "<na>", "nat", "null", "none")
 """Spellings of a missing value, in small letters."""
-_BLOCK, _LONGEST_LINE = 2**20, 2**20
+_BLOCK, _LONGEST_LINE = 2**21, 2**20
 _EXACT = 2**53  # floats of larger whole numbers are rounded
 
 

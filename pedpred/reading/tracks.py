@@ -68,7 +68,8 @@ def to_tracks(file: str, table: Table, options: ReadOptions) -> Tracks:
     metres, time_s = _in_metres(position, kept, table, options), _seconds(kept, table, options)
     copies = _find_copies(time_s, track_id, metres, kept, names, before)
     _warn_dropped(file, copies, before, "that repeat another one")
-    index = np.flatnonzero(kept & ~copies)
+    kept &= ~copies
+    index = slice(None) if kept.all() else kept  # most files are kept as a whole
     columns = {"time_s": time_s[index], "track_id": track_id[index]}
     columns |= dict(zip(("x_m", "y_m"), metres[index].T, strict=True))
     for name in set(rows.column_names) & set(TRACK_COLUMNS) - set(columns):
@@ -194,8 +195,8 @@ def _find_copies(
     Raises:
         ContentError: a person is at two places at once; it names both lines.
     """
-    index = np.flatnonzero(kept)
-    order = index[np.lexsort((time_s[index], track_id[index]))]  # stable: the earlier line comes first
+    order = np.lexsort((time_s, track_id))  # stable: the earlier line comes first
+    order = order if kept.all() else order[kept[order]]
     again = (np.diff(track_id[order]) == 0) & (np.diff(time_s[order]) == 0)
     first, second = order[:-1][again], order[1:][again]
     apart = np.flatnonzero((position[first] != position[second]).any(axis=-1))

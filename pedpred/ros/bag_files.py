@@ -11,7 +11,7 @@ from pathlib import Path
 
 from zstandard import ZstdDecompressor
 
-from pedpred.errors import InputError, ShapeError
+from pedpred.errors import InputError, shape_error
 
 _STORED = re.compile(r"\.(mcap|db3)(\.zstd|\.zst)?$")
 _SINGLE = re.compile(r"\.(mcap|db3|bag|bag\.active)(\.zstd|\.zst)?$")
@@ -37,7 +37,7 @@ def open_files(path: Path) -> Iterator[list[tuple[Path, Path]]]:
 
     Raises:
         InputError: the folder contains no files of a bag.
-        ShapeError: a file would unpack to more than `_LARGEST_BYTES` and `_LARGEST_RATIO`.
+        ValueRuleError: a file would unpack to more than `_LARGEST_BYTES` and `_LARGEST_RATIO`.
     """
     files = _files_in(path) if path.is_dir() else [path]
     if not files:
@@ -74,5 +74,5 @@ def _unpacked(file: Path, target: Path) -> Path:
             while block := stream.read(_BLOCK_BYTES):
                 size += plain.write(block)
                 if size > most:
-                    raise ShapeError("file", (size,), f"at most {most} bytes when unpacked")
+                    raise shape_error("file", (size,), f"at most {most} bytes when unpacked")
     return target

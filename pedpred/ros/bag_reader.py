@@ -53,7 +53,7 @@ class Bag:
 
         Raises:
             Exception: all messages of a topic cannot be decoded; see `pedpred.files.translate_errors`.
-            ShapeError: a message would unpack to too much.
+            ValueRuleError: a message would unpack to too much.
         """
         counts, damaged, causes = Counter[str](), Counter[str](), dict[str, Exception]()
         for connection, received_ns, raw in self._read(connections.__contains__):

@@ -84,18 +84,18 @@ def read_bag(
         source, kind = people[0].topic, people[0].msgtype
         layout = layout or PEOPLE_FIELDS[kind]
         if not layout.label and set(classes) != set(PERSON_CLASSES):
-            lack = f"{source} has no classes to choose from: it carries {kind}"
-            raise InputError(path, None, lack, "Leave --class out")
+            text = f"{source} has no classes to choose from: it carries {kind}"
+            raise InputError(path, None, text, "Leave --class out")
         warn = partial(_log.warning, "%s: %s: %s", path, source)
-        with translate_errors(lambda lack: problem(f"{source}: {lack}", remedy="")):
+        with translate_errors(lambda text: problem(f"{source}: {text}", remedy="")):
             take = partial(DetectionFrame.from_message, fields=layout, classes=classes)
             grid, found = _read(bag, people, maps, take, warn)
             detections = _sort(_keep_people(found, warn), warn)
             map_frame = None if grid is None else frame_name(grid.header.frame_id)
             tree = _transforms(bag, {each.frame for each in detections} - {map_frame or MAP_FRAME})
-            places = place_people(detections, map_frame, tree, transform, warn)
+            positions = place_people(detections, map_frame, tree, transform, warn)
             tracks = Identities(identities, bool(layout.id), recording=[each.ids for each in detections])
-            trajectories = _trajectories(detections, places, tracks, warn)
+            trajectories = _trajectories(detections, positions, tracks, warn)
             if names is not None:
                 names.update(tracks.names)
             dt_s = check(trajectories, str(path), any_speed=True)
@@ -177,13 +177,13 @@ def _transforms(bag: Bag, frames: Collection[str]) -> Frames:
 
 
 def _trajectories(
-    detections: Sequence[DetectionFrame], places: Sequence[np.ndarray], tracks: Identities, warn: _Warn
+    detections: Sequence[DetectionFrame], positions: Sequence[np.ndarray], tracks: Identities, warn: _Warn
 ) -> Trajectories:
     """The tracks of all people, from messages in order of time and positions, m. [n, 2] each."""
     time_s = np.repeat([each.time_s for each in detections], [len(each.ids) for each in detections])
-    pairs = zip(detections, places, strict=True)
-    track_id = np.concatenate([tracks.number(each.time_s, each.ids, position) for each, position in pairs])
-    position = np.concatenate(places)
+    pairs = zip(detections, positions, strict=True)
+    track_id = np.concatenate([tracks.number(each.time_s, each.ids, here) for each, here in pairs])
+    position = np.concatenate(positions)
     if tracks.unnamed:
         warn(f"{tracks.unnamed} of {len(track_id)} detections have no id: they are identified by position")
     usable, text = find_usable(time_s, track_id, position, tracks.name)

@@ -1,4 +1,4 @@
-"""The people of one message: when, in which frame, who and where."""
+"""The people of one message: their ids and positions, the time and the frame."""
 
 from __future__ import annotations
 
@@ -90,10 +90,10 @@ def find_usable(
     order = np.lexsort((~placed, track_id, time_s))  # stable: the first one of several comes first
     again = np.zeros(len(order), bool)
     again[order[1:]] = (np.diff(time_s[order]) == 0) & (np.diff(track_id[order]) == 0)
-    lacks = {"without a position": ~placed, "of a track that has one at that time": placed & again}
+    unusable = {"without a position": ~placed, "of a track that has one at that time": placed & again}
     texts = [
-        f"{lack.sum()} {what}, the first at {time_s[lack][0]} s (track {brief(name(int(track_id[lack][0])))})"
-        for what, lack in lacks.items()
-        if lack.any()
+        f"{rows.sum()} {what}, the first at {time_s[rows][0]} s (track {brief(name(int(track_id[rows][0])))})"
+        for what, rows in unusable.items()
+        if rows.any()
     ]
     return placed & ~again, f"left out of {len(order)} detections: {'; '.join(texts)}" if texts else ""

@@ -126,13 +126,10 @@ def _find(message: Any, paths: str) -> Any:
     """
     found = [value for path in paths.split("|") if (value := _follow(message, path)) is not None]
     if not found:
-        rosbags, rclpy = (getattr(message, name, {}) for name in _FIELD_TABLES)
-        known = ", ".join(name for name in rosbags or rclpy if not name.startswith("_"))
+        public = [name for name in dir(message) if name.islower() and name[0] != "_"]
+        known = ", ".join(name for name in public if not callable(getattr(message, name)))
         raise ValueRuleError("field", paths, f"{type(message).__name__} has {known}")
     return next((value for value in found if not _is_origin(value)), found[0])
-
-
-_FIELD_TABLES = "__dataclass_fields__", "_fields_and_field_types"
 
 
 def _follow(message: Any, path: str) -> Any | None:

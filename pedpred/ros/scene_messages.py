@@ -89,9 +89,8 @@ def map_of_grid(message: Any) -> OccupancyMap:
         message: decoded; the side of its cells is the shortest decimal that rounds to the message's float32.
 
     Raises:
-        ShapeError: the map is empty or has too many cells.
-        ValueRuleError: it is tilted, nowhere or without size, or has not one value per cell, each unknown or
-            a percentage.
+        ValueRuleError: the map is empty, too large, tilted, nowhere or without size, or has not one value per
+            cell, each unknown or a percentage.
     """
     check_grid(message)
     info = message.info

@@ -7,7 +7,7 @@ from io import BytesIO
 from lz4.frame import LZ4FrameDecompressor
 from zstandard import ZstdDecompressor
 
-from pedpred.errors import ShapeError
+from pedpred.errors import shape_error
 
 LARGEST_BYTES = 2**27
 """Limit of a chunk or message when unpacked; writers make chunks of some MiB, and the largest map has 64."""
@@ -21,7 +21,7 @@ def unpack(raw: bytes, compression: str) -> bytes:
         compression: lz4, zstd, or empty.
 
     Raises:
-        ShapeError: they unpack to more than `LARGEST_BYTES`.
+        ValueRuleError: they unpack to more than `LARGEST_BYTES`.
         Exception: they are damaged; see `pedpred.files.translate_errors`.
     """
     most = LARGEST_BYTES + 1
@@ -30,5 +30,5 @@ def unpack(raw: bytes, compression: str) -> bytes:
     elif compression == "lz4":
         raw = LZ4FrameDecompressor().decompress(raw, max_length=most)
     if len(raw) > LARGEST_BYTES:
-        raise ShapeError("chunk", (len(raw),), f"at most {LARGEST_BYTES} bytes")
+        raise shape_error("chunk", (len(raw),), f"at most {LARGEST_BYTES} bytes")
     return raw

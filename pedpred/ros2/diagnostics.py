@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -40,9 +40,8 @@ class Latencies:
 def diagnose(
     follower: Follower,
     now_s: float,
-    publishers: int,
+    kinds: Sequence[str],
     before: Counts,
-    kinds: Collection[str] = (),
     latency_ms: float = 0.0,
     clock_ns: int = 1,
     rivals: int = 0,
@@ -52,9 +51,8 @@ def diagnose(
     Args:
         follower: of the node.
         now_s: by the clock of `Inbox.take_people`.
-        publishers: how many there are of the people's topic.
+        kinds: the type of each publisher of people.
         before: what had happened at the last diagnosis.
-        kinds: the types that they publish.
         latency_ms: from people to their forecasts, ms.
         clock_ns: that of the node; 0 where time is simulated and no clock has come.
         rivals: other publishers of `predictions`.
@@ -64,15 +62,15 @@ def diagnose(
     others = sorted(set(kinds) - {settings.people_type})
     published = f": {', '.join(others)} is published, people_type is {settings.people_type}" if others else ""
     age_s = follower.inbox.stamp_age_s
-    is_silent = publishers > 0 and now_s - follower.inbox.read_s > _SILENT_S
-    is_without = publishers > 0 and not is_silent and now_s - follower.forecast_s > _SILENT_S
+    is_silent = bool(kinds) and now_s - follower.inbox.read_s > _SILENT_S
+    is_without = bool(kinds) and not is_silent and now_s - follower.forecast_s > _SILENT_S
     problems = {
         "no /clock, so people who have gone stay in costmaps: set use_sim_time to false": not clock_ns,
         "another node publishes forecasts here, too: end it, or give each a namespace": rivals > 0,
         "no map: forecasts go through walls": follower.map.occupancy is None and settings.use_map,
         f"forecasts are in {frame!r}, which moves with the robot: publish the map in a fixed frame, or set "
         "map_frame": is_robot_base(frame),
-        "people are not published": publishers == 0,
+        "people are not published": not kinds,
         f"no people received{published}": is_silent,
         "people are received, but there is no forecast: see what is left out, and the log": is_without,
         "no detection is of a class of people: see class_ids": counts.others and not counts.detections,

@@ -53,7 +53,7 @@ class LiveMap:
             sent_ns: when the publisher sent it; several subscriptions receive it several times.
 
         Raises:
-            ValueRuleError, ShapeError: it is not a map.
+            ValueRuleError: it is not a map.
         """
         is_copy = sent_ns != 0 and sent_ns == self.sent_ns
         if raw == self.raw and (is_copy or not self.is_updated):

@@ -307,9 +307,8 @@ class PedpredNode(LifecycleNode):
         level, summary = diagnose(
             self._follower,
             time.monotonic(),
-            len(publishers),
-            self._diagnosed,
             [one.topic_type for one in publishers],
+            self._diagnosed,
             self._latencies.median_ms(),
             now_ns,
             self.count_publishers(self.resolve_topic_name(PREDICTIONS)) - 1,

@@ -82,18 +82,22 @@ class Outbox:
             yield Output(PEOPLE, PEOPLE_TYPE, content)
         begun_s = self._clock()
         is_early = abs(forecast.time_s - self._shown_s) < _EVERY_S or begun_s < self._next_s
-        if is_early and (len(forecast) or not self._latched.shows_people):
+        have_gone = not len(forecast) and self._latched.shows_people
+        if is_early and not have_gone:
             return
         self._shown_s = forecast.time_s
         try:
-            if self._latched.is_needed(MARKERS, settings.publish_markers, len(forecast)):
-                shown = forecast if settings.publish_markers else empty(forecast, forecast.time_s)
-                content = forecast_message(shown, self._labels(shown), _COLOUR, time_ns, around.frame)
-                yield Output(MARKERS, MARKERS_TYPE, content)
+            yield from self._markers(forecast, time_ns, around, settings.publish_markers)
             yield from self._grids(forecast, time_ns, around, settings.occupancy_cell_m)
         finally:
             ended_s = self._clock()
             self._next_s = ended_s + (ended_s - begun_s)
+
+    def _markers(self, forecast: Forecast, time_ns: int, around: LiveMap, is_on: bool) -> Iterator[Output]:
+        if self._latched.is_needed(MARKERS, is_on, len(forecast)):
+            shown = forecast if is_on else empty(forecast, forecast.time_s)
+            content = forecast_message(shown, self._labels(shown), _COLOUR, time_ns, around.frame)
+            yield Output(MARKERS, MARKERS_TYPE, content)
 
     def _labels(self, forecast: Forecast) -> list[str]:
         return [self._names.get(track, str(track)) for track in forecast.track_id.tolist()]

@@ -15,7 +15,6 @@ from pedpred.settings import (
     Settings,
     check_fields,
     load,
-    load_together,
 )
 
 _NARROWEST = 0.1
@@ -182,25 +181,6 @@ def social_force_settings(plain: Mapping[str, Any]) -> SocialForceSettings:
 
 
 @dataclass(frozen=True)
-class SetUse(Settings):
-    """How a set of scenes is seen and learned from, in terms of named rows of settings.
-
-    Attributes:
-        social_force: walking of its people, or of the forecasters that simulate them.
-        tracker: of its people.
-        sensor: that detects them.
-        phase_offsets: step sequences per track, see `pedpred.features.extract_blocks`.
-        variants: altered copies of each scene to learn from.
-    """
-
-    social_force: str
-    tracker: str
-    sensor: str
-    phase_offsets: Annotated[int, In("[1, 100]")]
-    variants: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class SimulationSettings(Settings):
     """A simulated data set.
 
@@ -224,16 +204,6 @@ class SimulationSettings(Settings):
             raise ValueRuleError("drawn", self.drawn, "name a layout or set 'generated' above 0")
         if len(set(self.rooms)) < len(self.rooms):
             raise ValueRuleError("drawn", self.drawn, "the names of rooms must differ")
-
-    @classmethod
-    def parse(cls, row: Mapping[str, Any]) -> SimulationSettings:
-        """Parse a row of the configuration, which also holds the fields of `SetUse`.
-
-        Raises:
-            ValueRuleError: a field is missing or unknown, or breaks its rule.
-        """
-        settings: SimulationSettings = load_together([cls, SetUse], row)[0]
-        return settings
 
     @property
     def rooms(self) -> list[str]:

@@ -7,9 +7,8 @@ import pytest
 
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import MetricSettings, Resampling, Scores, pool_scores, score
+from pedpred.evaluation.measure import describe_scene
 from pedpred.evaluation.scores import (
-    describe_scene,
-    integrate_truth,
     join_scores,
     read_scores,
     write_scores,
@@ -20,6 +19,7 @@ from pedpred.evaluation.summary import (
     summarise_methods,
     summarise_test_set,
 )
+from pedpred.evaluation.windows import integrate_truth
 from pedpred.metrics import Metric
 from pedpred.scenes import Predictions
 from tests.by_hand.tables import table_of

@@ -8,9 +8,9 @@ import torch
 
 from pedpred.datasets import LaneBatch
 from pedpred.models.contract import detach, reset
-from pedpred.models.lstm.augmentation import Augmentation, augment, look_up
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.network import ChannelWidths, LstmSettings
+from pedpred.training.augmentation import Augmentation, augment, look_up
 from tests.exported import lstm, rows_of
 from tests.refused import refused
 
@@ -295,7 +295,7 @@ def test_mirrored_inputs_and_targets_are_scaled_and_turned_over():
         torch.from_numpy(rng.random((10, *shape), np.float32)) for shape in ((2,), (3, 2), (5,), (4,))
     )
     free = torch.tensor([9.0, 8.0, 7.0, 6.0])
-    data = rows_of(state, future, 1, angular=cones, grid=codes, nothing={"grid": free})
+    data = rows_of(state, future, 1, angular=cones, grid=codes, empty={"grid": free})
     batch = drawn()
     inputs, truth = look_up(data, batch)
     for lane, step in np.ndindex(4, 3):

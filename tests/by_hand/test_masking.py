@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from pedpred.models.mixture.masking import InputMasking, mask
+from pedpred.training.masking import InputMasking, mask
 from tests.refused import refused
 
 ROWS = 8000
@@ -15,7 +15,7 @@ def masked(**shares):
     inputs = {"state": torch.ones(ROWS, 2), "beams": torch.full((ROWS, 4), 2.5)}
     inputs |= {"neighbours": torch.full((ROWS, 20), 3.5), "history": torch.full((ROWS, 15), 4.5)}
     inputs |= {"track": torch.full((ROWS, 6), 5.5)}
-    found = mask(inputs, InputMasking(**shares), 7.0, np.random.default_rng(5))
+    found = mask(inputs, InputMasking(**shares), {"beams": 7.0}, np.random.default_rng(5))
     assert {name: values.shape for name, values in found.items()} == {
         name: values.shape for name, values in inputs.items()
     }

@@ -11,21 +11,22 @@ from pedpred.driving.robot import Robot
 from pedpred.evaluation import EvaluationSettings, MetricSettings, Resampling
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Following
-from pedpred.models.lstm.augmentation import Augmentation
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.mixture.network import MixtureSettings
 from pedpred.sequences import SequenceSets
 from pedpred.settings import load
-from pedpred.situations import RowSettings, ViewingSettings
+from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.training import AutoencoderSettings
+from pedpred.training.augmentation import Augmentation
 from pedpred.training.distributed import ThreadSettings
-from pedpred.training.instants import InstantSettings, RealShare
-from pedpred.training.schedule import FitSettings
-from pedpred.training.sequences import NamedSets, SequenceSettings
+from pedpred.training.instants import InstantSettings
+from pedpred.training.learner import FitSettings
+from pedpred.training.sequences import SequenceSettings
+from pedpred.training.sets import NamedSets, RealShare
 from tests.by_hand.robots import LIMITS
 from tests.refused import refused
-from tests.simulated import read
+from tests.simulated import SENSING, WORLDS, read
 
 MANY, SHARE = 10**9, ((0.0, 1.0), (-0.001, 1.001))
 SCHEDULE = {"steps": 9, "validate_every": 1, "lr": 10.0, "warmup_steps": 0, "seed": 0, "clip_norm": 1e6}
@@ -38,6 +39,8 @@ ROWS = vars(load(RowSettings, read("situations/varied")["rows"]))
 VIEWINGS = {"viewings": 1, "rows": 1, "used_share": 0.5, "thinnings": (0.1,), "noise_m": (0.0,)}
 VIEWINGS |= {"thinned_noise_m": (0.0,)}
 LENGTH = ((), (-0.1, 101.0))
+SIMULATED = vars(SimulatedSet("room", "", 2, 60, 30, 1.0))
+CORRIDOR, VIEW = WORLDS.corridor, SENSING.views["room"]
 RANGES = [
     (AutoencoderSettings, CODED, "latent", (1, 100_000), (0, 100_001)),
     (AutoencoderSettings, CODED, "batch", (1, 1_000_000), (0,)),
@@ -67,6 +70,7 @@ RANGES = [
     (ForecastProtocol, {}, "horizon_steps", (1, 10_000), (0, 10_001)),
     (ForecastProtocol, {}, "min_history", (1, 10_000), (0, 10_001)),
     (InstantSettings, INSTANTS, "steps", (), (0,)),
+    (InstantSettings, INSTANTS, "clip_norm", (), (0.0,)),
     (InstantSettings, INSTANTS, "validation_share", (0.0,), (-0.1, 1.0)),
     (InstantSettings, INSTANTS, "rows", (1,), (0, 1_000_001)),
     (InstantSettings, INSTANTS, "shares", (), ({"a": -1.0, "b": 2.0}, {"a": 0.0})),
@@ -108,10 +112,12 @@ RANGES = [
     ),
     (SequenceSettings, SEQUENCES, "steps", (), (0,)),
     (SequenceSettings, SEQUENCES, "clip_norm", (), (0.0,)),
+    (SequenceSettings, SEQUENCES, "validation_share", (0.0,), (-0.1, 1.0)),
     (SequenceSettings, SEQUENCES, "lanes", (1,), (0, 100_001)),
     (SequenceSettings, SEQUENCES, "sub_sequence", (1,), (0, 10_001)),
     (SequenceSettings, SEQUENCES, "longest_track", (1,), (0, 1_000_001)),
     (SequenceSettings, SEQUENCES, "validation_by", (), ("step",)),
+    (SimulatedSet, SIMULATED, "kind", ("corridor",), ("tunnel",)),
     (SplitSettings, SPLIT, "validation_share", (0.0,), (-0.1, 1.0)),
     (SplitSettings, SPLIT, "validation_by", ("track",), ("sequence",)),
     (ThreadSettings, {}, "threads", (1,), (0,)),
@@ -120,6 +126,9 @@ RANGES = [
     (ViewingSettings, VIEWINGS, "thinnings", ((0.1, 1000.0),), ((0.05,), ())),
     (ViewingSettings, VIEWINGS, "noise_m", ((0.0, 100.0),), ((-0.1,),)),
     (ViewingSettings, VIEWINGS, "thinned_noise_m", (), ((101.0,),)),
+    (type(CORRIDOR), vars(CORRIDOR), "width_m", ((2.0, 2.0),), ((3.0, 2.0),)),
+    (type(CORRIDOR), vars(CORRIDOR), "forms", (), ({},)),
+    (type(VIEW), vars(VIEW), "window_m", (), ((0.0, 1.0),)),
 ]
 
 

@@ -196,6 +196,36 @@ def test_oblique_beams_end_at_edges_of_cells():
         np.testing.assert_allclose(found, [[distance]], atol=1e-6)
 
 
+def first_hit(ground, place, way, range_m):
+    """A beam is in cell (i, j) where both coordinates are; blocked cells at its start are left first."""
+    counts = [np.arange(n) for n in ground.occupied.shape]
+    edges = [np.stack([n, n + 1.0]) * ground.resolution_m for n in counts]
+    one, two = ((e + o - p) / w for e, o, p, w in zip(edges, ground.origin, place, way, strict=True))
+    enter = np.maximum(one.min(axis=0)[:, None], two.min(axis=0))
+    leave = np.minimum(one.max(axis=0)[:, None], two.max(axis=0))
+    met = (np.maximum(enter, 0.0) < leave) & (enter < range_m)
+    order = np.argsort(enter[met])
+    blocked, at = ground.occupied[met][order], enter[met][order]
+    if len(at) and at[0] < 0:
+        blocked &= np.logical_or.accumulate(~blocked)
+    return at[blocked.argmax()] if blocked.any() else range_m
+
+
+def test_beams_in_all_directions_end_where_a_cell_is_entered():
+    rng = np.random.default_rng(4)
+    blocked = rng.random((7, 11)) < 0.3
+    ground = OccupancyMap(blocked, np.array([-3.0, 5.0]), 0.4)
+    place = ground.origin + rng.uniform(-0.4, 1.4, (60, 2)) * ground.extent_m
+    heading = rng.uniform(-9.0, 9.0, 60)
+    found = obstacle_distances(ground, place, heading, 12, 3.1)
+    angle = heading[:, None] + 2 * np.pi * np.arange(12) / 12
+    ways = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    expected = [[first_hit(ground, place[q], way, 3.1) for way in ways[q]] for q in range(60)]
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    assert found.dtype == np.float32
+    assert found.max() == np.float32(3.1)  # 3.1 / 0.4 * 0.4 is more
+
+
 def seen_by_two(dt_s):
     """Two people, at (11.75, -0.875) along x and at (3, 2) along (0.6, 0.8), and what surrounds them."""
     who = Pedestrians(

@@ -1,6 +1,7 @@
 """The tracker beside numbers by hand: filter, lives, heading, spacing, resampling and likelihood."""
 
 from dataclasses import replace
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from pedpred.tracking import (
     tune_kalman,
 )
 from pedpred.tracking import tracks as lives
+from pedpred.tracking.matching import cheapest_pairs, distances_m
 from pedpred.tracking.spacing import references, spaced
 from pedpred.tracking.steps import are_too_long, catch_up
 from pedpred.tracking.tracks import births, jumped, last_rows
@@ -207,6 +209,40 @@ def test_who_catches_up_stood_and_steps_far_and_fast():
     way_m, gap_s = np.array([1.79, 1.81, 2.39, 2.41, 0.09, 0.11]), np.array([0.3, 0.3, 0.4, 0.4, 0.01, 0.01])
     assert catch_up(np.ones(6, bool), way_m, gap_s).tolist() == [False, True] * 3
     assert not catch_up(np.zeros(6, bool), way_m, gap_s).any()
+
+
+def test_pairs_have_the_least_sum_and_not_the_least_cost():
+    """2 + 3 < 1 + 7 < 1 + 9: the cheapest pair, the first two, is left out; the third row has no partner."""
+    costs = np.array([[1.0, 2.0], [3.0, 9.0], [8.0, 7.0]])
+    for given, pairs in ((costs, [[0, 1], [1, 0]]), (costs.T, [[0, 1], [1, 0]])):
+        assert np.array(cheapest_pairs(given)).tolist() == pairs
+    far = distances_m(np.array([[1.0, 2.0], [0.0, 0.0]]), np.array([[4.0, 6.0], [1.0, 2.0], [-5.0, 12.0]]))
+    np.testing.assert_allclose(far, [[5.0, 0.0, np.sqrt(136.0)], [np.sqrt(52.0), np.sqrt(5.0), 13.0]])
+
+
+@pytest.mark.parametrize(
+    ("costs", "column"),
+    [
+        ("11 26 4 17 21 25 | 15 11 9 12 14 21 | 26 2 28 15 10 20 | 17 7 9 21 17 16", [2, 3, 4, 1]),
+        ("18 21 28 19 11 2 | 16 6 17 0 25 28 | 4 24 12 1 27 28 | 1 17 24 23 12 25 | 24 3 0 3 10 3", None),
+        ("16 21 17 22 5 23 | 15 22 15 9 2 15 | 29 1 17 13 0 16 | 23 22 29 15 17 28 | 9 23 5 10 20 17", None),
+    ],
+)
+def test_no_other_pairs_have_a_smaller_sum(costs, column):
+    """Of all ways to give each row a column of its own; the first is 4 + 12 + 10 + 7."""
+    costs = np.array([row.split() for row in costs.split("|")], float)
+    rows = np.arange(len(costs))
+    every = [list(one) for one in permutations(range(6), len(costs))]
+    best = min(every, key=lambda one: costs[rows, one].sum())
+    assert column in (None, best)
+    for given, taken in ((costs, (rows, best)), (costs.T, (np.sort(best), np.argsort(best)))):
+        np.testing.assert_array_equal(cheapest_pairs(given), taken)
+
+
+def test_of_equal_sums_a_row_takes_a_column_that_is_free():
+    """The first row has column 0; the second one may push it away, or take column 2 at the same cost."""
+    for costs in ([[1, 1, 3], [1, 3, 1]], [[0, 0, 1], [0, 2, 0]], [[2, 2, 2], [0, 1, 0]]):
+        assert np.array(cheapest_pairs(np.array(costs, float))).tolist() == [[0, 1], [0, 2]]
 
 
 # Resampling and likelihood

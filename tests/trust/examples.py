@@ -19,7 +19,7 @@ from pedpred.command.forecast_tables import COLUMNS
 from pedpred.command.foreign import read_forecasts
 from pedpred.evaluation.forecasts import write_windows
 from pedpred.features import FeatureTable, ForecastProtocol
-from pedpred.forecasting.chain import Chain
+from pedpred.forecasting.postprocessing import Postprocessing
 from pedpred.geometry import Homography
 from pedpred.models.features import RowFormat
 from pedpred.models.lstm.features import LstmFeatures
@@ -354,10 +354,10 @@ def read_project(folder: Path) -> None:
 
 
 def make_learned_place(path: Path) -> None:
-    untaught = Chain(trust=True).unlearned(STEPS).plain()
+    untaught = Postprocessing(trust=True).initial(STEPS).plain()
     untaught["trust"]["compared"] = [3.0, 40.0]
-    write_place(path, Chain(trust=True).unlearned(STEPS).relearned(untaught), {}, "network")
+    write_place(path, Postprocessing(trust=True).initial(STEPS).restored(untaught), {}, "network")
 
 
 def read_learned_place(path: Path) -> dict[str, Any]:
-    return read_place(path, Chain(trust=True).unlearned(STEPS), "network")[0].plain()
+    return read_place(path, Postprocessing(trust=True).initial(STEPS), "network")[0].plain()

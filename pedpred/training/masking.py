@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -34,14 +35,14 @@ class InputMasking(Settings):
 
 
 def mask(
-    inputs: dict[str, Tensor], how: InputMasking, free_m: float, rng: np.random.Generator
+    inputs: dict[str, Tensor], how: InputMasking, empty: Mapping[str, float], rng: np.random.Generator
 ) -> dict[str, Tensor]:
     """Inputs of which some parts are masked.
 
     Args:
         inputs: channel -> [B, width].
         how: shares.
-        free_m: value of a beam that meets nothing, m.
+        empty: of `ModelFeatures.empty_channels`: beams that meet nothing.
         rng: decides which rows and parts.
     """
     count, device = len(inputs["state"]), inputs["state"].device
@@ -49,7 +50,7 @@ def mask(
     def drawn(share: float, *axes: int) -> Tensor:
         return torch.from_numpy(rng.random((count, *axes)) < share).to(device)
 
-    beams = torch.where(drawn(how.map_share, 1), free_m, inputs["beams"])
+    beams = torch.where(drawn(how.map_share, 1), empty["beams"], inputs["beams"])
     people = inputs["neighbours"].unflatten(-1, (-1, NEIGHBOUR))
     missed = drawn(how.missed, people.shape[1]) & drawn(how.missed_share, 1) | drawn(how.neighbours_share, 1)
     neighbours = torch.where(missed[..., None], 0.0, people).flatten(-2)

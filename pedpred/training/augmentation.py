@@ -100,7 +100,7 @@ def look_up(data: TrainingRows, batch: AugmentedBatch) -> tuple[dict[str, Tensor
     Returns:
         Inputs, channel -> [B, L, width], and targets, agent frame, m/s. [B, L, P, 2]
     """
-    inputs = data.padded_inputs(batch.rows, {"angular": batch.crowd, "grid": batch.scenery})
+    inputs = data.inputs(batch.rows, {"angular": batch.crowd, "grid": batch.scenery})
     mirrored = batch.mirrored[:, None, None]
     pace = batch.pace[:, None, None]
     scale = torch.cat([pace, torch.where(mirrored, -pace, pace)], dim=-1)

@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from pedpred.forecasting.comparisons import (
-    Taught,
-    Waiting,
-    among,
+from pedpred.forecasting.detections import Detections, is_in_sorted
+from pedpred.forecasting.groups import groups_of
+from pedpred.forecasting.regions import (
+    Adjustment,
+    PendingForecast,
     compare_with_detections,
-    groups_of,
     widen_covariances,
 )
-from pedpred.forecasting.detections import Detections
 from pedpred.metrics.calibration import COARSE, REGIONS, share_inside
 from pedpred.scenes import Predictions
 
@@ -91,7 +90,7 @@ def test_a_noisier_line_is_not_used(time_s, share):
 
 def test_detections_are_kept_from_an_instant_on():
     """Sorted by person and time; those at the instant itself are kept."""
-    later = KNOWN.with_later(3.5, np.array([5, 1]), np.array([[1.0, 2.0], [3.0, 4.0]]))
+    later = KNOWN.append(3.5, np.array([5, 1]), np.array([[1.0, 2.0], [3.0, 4.0]]))
     np.testing.assert_array_equal(later.person, [1, 2, 2, 2, 2, 2, 5, 5, 5, 5])
     np.testing.assert_array_equal(later.time_s, [3.5, 0.0, 0.4, 1.3, 2.4, 3.4, 0.2, 0.6, 1.6, 3.5])
     np.testing.assert_array_equal(later.position[[0, 9]], [[3.0, 4.0], [1.0, 2.0]])
@@ -112,11 +111,11 @@ def test_people_forecast_to_go_0_3_mps_walk():
 
 
 def test_values_are_found_among_rising_ones():
-    found = among(np.array([2, 2, 5, 9]), np.array([9, 1, 2, 5, 6, 10]))
+    found = is_in_sorted(np.array([2, 2, 5, 9]), np.array([9, 1, 2, 5, 6, 10]))
     np.testing.assert_array_equal(found, [True, False, True, True, False, False])
 
 
-def waiting(path, covariance, weight, **given):
+def pending(path, covariance, weight, **given):
     """Forecasts of people 0, 1, ... at one step, compared with detections at 3 s."""
     rows = len(path)
     usual = {
@@ -127,7 +126,7 @@ def waiting(path, covariance, weight, **given):
         "person": np.arange(rows),
     }
     usual |= {"group": np.zeros(rows, np.int64), "learned": np.zeros((2, 2))}
-    return Waiting(path=path, covariance=covariance, weight=weight, **usual | given)
+    return PendingForecast(path=path, covariance=covariance, weight=weight, **usual | given)
 
 
 def single(away_m, deviation_m=1.0, **given):
@@ -136,7 +135,7 @@ def single(away_m, deviation_m=1.0, **given):
     there = np.array([40.0, -7.0]) + np.stack([0.6 * away_m, -0.8 * away_m], axis=-1)
     path = np.tile([40.0, -7.0], (len(away_m), 1, 1))
     sigma = np.broadcast_to(deviation_m**2 * np.eye(2), (len(away_m), 1, 2, 2))
-    past = waiting(path, sigma, np.ones((len(away_m), 1)), **given)
+    past = pending(path, sigma, np.ones((len(away_m), 1)), **given)
     return past, Detections(np.full(len(away_m), 3.0), np.arange(len(away_m)), there)
 
 
@@ -217,7 +216,7 @@ def test_modes_are_widened_by_the_probability_before_them():
     sigma, weight = root @ np.swapaxes(root, -1, -2), -np.sort(-rng.dirichlet(np.ones(3), rows), axis=1)
     group, truth = rng.integers(0, 2, rows), rng.normal(0, 1.5, (rows, 2))
     now, then = rng.uniform(-0.5, 0.9, (2, 2, 1)), rng.uniform(-0.5, 0.9, (2, 2))
-    past = waiting(path, sigma, weight, group=group, learned=then)
+    past = pending(path, sigma, weight, group=group, learned=then)
     known = Detections(np.full(rows, 3.0), np.arange(rows), truth)
     taught, _ = compare_with_detections([past], known, now, 0.1, 1.0)
     a, b = 0.8 * (now[:, group, 0] - then[:, group])[..., None]
@@ -231,18 +230,18 @@ def test_modes_are_widened_by_the_probability_before_them():
 
 
 def test_what_is_taught_is_summed_by_group_and_step():
-    one = Taught(
+    one = Adjustment(
         np.array([1.0, 2.0, 3.0]), np.array([0, 1, 1]), np.array([2, 0, 0]), np.array([7, 8, 9]),
         np.array([[0.1, 0.2, 0.4], [-1.0, -2.0, -4.0]]),
     )  # fmt: skip
     other = one.select(np.array([False, True, False]))
     expected = np.zeros((2, 2, 3))
     expected[:, 0, 2], expected[:, 1, 0] = [0.1, -1.0], [0.8, -8.0]
-    both = one.joined(other)
+    both = one.concatenated(other)
     np.testing.assert_allclose(both.sums(3), expected)
     np.testing.assert_array_equal(both.forecast, [7, 8, 9, 8])
     np.testing.assert_array_equal(both.until_s, [1.0, 2.0, 3.0, 2.0])
-    assert Taught.nothing().sums(3).tolist() == np.zeros((2, 2, 3)).tolist()
+    assert Adjustment.empty().sums(3).tolist() == np.zeros((2, 2, 3)).tolist()
 
 
 def test_deviations_grow_by_mode_and_step():

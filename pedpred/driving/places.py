@@ -1,4 +1,4 @@
-"""Simulated worlds with walls as places to drive in; their people respect the robot, or do not see it."""
+"""Where episodes take place: in a recording, or in simulated worlds, whose people may see the robot."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import copy
 import functools
 import zlib
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pedpred.driving.crowds import ReactiveCrowd, with_robot
 from pedpred.driving.episodes import DriveSettings, Episode, NobodyMetError, Place, draw_episode
-from pedpred.driving.walkers import Walkers, with_robot
+from pedpred.driving.sensor import Faults
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.files import read_yaml
 from pedpred.scenes import Scene
@@ -56,6 +57,27 @@ def _changed(usual: Any, changes: Any) -> Any:
     return usual | {name: _changed(usual.get(name), value) for name, value in changes.items()}
 
 
+class Recording:
+    """All episodes take place in one scene, among its recorded people."""
+
+    def __init__(self, scene: Scene):
+        self.name, self._scene = scene.name, scene
+        self._place: Place | None = None
+
+    def digest(self) -> bytes:
+        """Bytes that identify it."""
+        people, ground = self._scene.trajectories, self._scene.occupancy
+        arrays = people.time_s, people.track_id, people.position, ground.occupied, ground.origin
+        about = repr((self.name, ground.resolution_m)).encode()
+        return b"".join(np.ascontiguousarray(values).tobytes() for values in arrays) + about
+
+    def draw(self, number: int, settings: DriveSettings) -> tuple[Place, Episode]:
+        """Draw an episode from (seed, number) alone."""
+        if self._place is None:
+            self._place = Place.of(self._scene, settings.planner.dt_s)
+        return self._place, draw_episode(self._place, number, settings)
+
+
 @dataclass(frozen=True)
 class Worlds:
     """Every episode takes place in a world of its own, in which `walk` moves people as in training worlds.
@@ -89,14 +111,13 @@ class Worlds:
         Raises:
             NobodyMetError: in no world that was tried a robot meets anybody.
         """
-        refused = Counter[str]()
+        refused, dt_s, own = Counter[str](), settings.planner.dt_s, getattr(ranges(), self.kind)
         for attempt in range(_DRAWS):
             key = [settings.seed, zlib.crc32(self.kind.encode()), number, attempt]
-            scene, walkers = draw_world(self.kind, key, settings.robot.radius_m, settings.planner.dt_s)
-            last_s = getattr(ranges(), self.kind).duration_s - _BEFORE_END_S
+            scene, crowd = draw_world(self.kind, key, settings.robot.radius_m, dt_s)
             try:
-                place = Place.of(scene, settings.planner.dt_s)
-                episode = draw_episode(place, number, settings, _TRIES, last_s)
+                place = Place.of(scene, dt_s)
+                episode = draw_episode(place, number, settings, _TRIES, own.duration_s - _BEFORE_END_S)
             except NobodyMetError as cause:
                 refused += cause.refused
                 continue
@@ -104,19 +125,19 @@ class Worlds:
                 refused[cause.rule] += 1
                 continue
             if self.react:
-                at_s = (
-                    ranges().warm_up_s
-                    + RECORD_S
-                    + place.people.start_s
-                    + episode.tick * settings.planner.dt_s
-                )
-                walkers.advance(round(at_s / settings.planner.dt_s))
-                episode = episode.among(walkers, settings, key)
+                first_s = ranges().warm_up_s + RECORD_S + place.people.start_s
+                crowd.advance(round((first_s + episode.tick * dt_s) / dt_s))
+                faults = Faults.draw(episode.ticks, len(crowd.track_id), np.random.default_rng([*key, 1]))
+                episode = replace(episode, people=crowd, faults=faults)
             return place, episode
         raise NobodyMetError("world", self.kind, settings, refused, f"in {_DRAWS} worlds ")
 
 
-def draw_world(kind: str, key: list[int], radius_m: float, dt_s: float) -> tuple[Scene, Walkers]:
+Places = Recording | Worlds
+"""Where episodes take place."""
+
+
+def draw_world(kind: str, key: list[int], radius_m: float, dt_s: float) -> tuple[Scene, ReactiveCrowd]:
     """Draw a world: recorded without a robot, and its people before they come.
 
     Args:
@@ -127,6 +148,6 @@ def draw_world(kind: str, key: list[int], radius_m: float, dt_s: float) -> tuple
     """
     rng, settings = np.random.default_rng(key), ranges()
     occupancy, world = draw_visited_world(kind, settings, rng)
-    walkers = Walkers(with_robot(world, radius_m), copy.deepcopy(rng), dt_s)
+    crowd = ReactiveCrowd(with_robot(world, radius_m), copy.deepcopy(rng), dt_s)
     people = record_walking(world, settings.warm_up_s, getattr(settings, kind).duration_s, rng)
-    return Scene(f"{kind}_{'_'.join(map(str, key[2:]))}", people, occupancy, RECORD_S), walkers
+    return Scene(f"{kind}_{'_'.join(map(str, key[2:]))}", people, occupancy, RECORD_S), crowd

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pedpred.errors import ValueRuleError
-from pedpred.forecasting.shares import Sums, best_weights, check_sums
+from pedpred.forecasting.trust import Sums, best_weights
 
 
 @pytest.mark.parametrize(
@@ -91,10 +91,10 @@ def test_200_forecasts_draw_shares_to_0(count, factor):
 
 
 def test_before_the_first_comparison_shares_are_0():
-    nothing = Sums.nothing(3, 5)
-    assert [values.shape for values in nothing] == [(5, 2, 3, 2, 2), (5, 2, 3, 2), (5, 2)]
-    assert not any(values.any() for values in nothing)
-    assert not nothing.best_weights().any()
+    empty = Sums.empty(3, 5)
+    assert [values.shape for values in empty] == [(5, 2, 3, 2, 2), (5, 2, 3, 2), (5, 2)]
+    assert not any(values.any() for values in empty)
+    assert not empty.best_weights().any()
 
 
 @pytest.mark.parametrize(
@@ -120,7 +120,7 @@ def test_sums_may_be_those_of_some_forecasts(products, compared, right):
     """Squares are not negative, the product of both lines is no larger than they allow, and N is bounded."""
     sums = Sums(np.array([[[np.eye(2), products]]]), np.zeros((1, 1, 2, 2)), np.array([[compared]]))
     if right:
-        check_sums(sums)
+        sums.check()
     else:
         with pytest.raises(ValueRuleError):
-            check_sums(sums)
+            sums.check()

@@ -8,11 +8,12 @@ import pytest
 from pedpred.errors import ValueRuleError
 from pedpred.features import FeatureTable, ForecastProtocol
 from pedpred.forecasting import ForecastRequest, MethodRow
-from pedpred.forecasting.chain import Chain, Place, forecast_blocks, instant_blocks
+from pedpred.forecasting.blocks import forecast_blocks, instant_blocks
+from pedpred.forecasting.detections import NO_DETECTIONS, Instant
+from pedpred.forecasting.postprocessing import PlaceKnowledge, Postprocessing
 from pedpred.forecasting.regions import Regions
 from pedpred.forecasting.selection import choose_modes
-from pedpred.forecasting.shares import Sums
-from pedpred.forecasting.trust import Trust
+from pedpred.forecasting.trust import Sums, Trust
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.tracking import Tracks
 from tests.worlds import empty_map
@@ -110,7 +111,7 @@ class Links:
     def __init__(self):
         self.known, self.forgotten = [], 0
 
-    def unlearned(self, steps):
+    def initial(self, steps):
         assert steps == 3
         return self
 
@@ -204,9 +205,9 @@ def meeting():
     alone = Predictions(path.mean(axis=1), path, np.array([[0.9, 0.1], [0.55, 0.45]]), 0.4, sigma)
     products = np.broadcast_to(np.eye(2), (2, 2, 2, 2))
     sums = Sums(products, np.full((2, 2, 2), 0.05), np.full(2, 10000.0))
-    regions = Regions.unlearned(2, 0.1, on_lines=True)
-    place = Place(
-        replace(Trust.unlearned(2), place=sums), replace(regions, learned=np.full(regions.learned.shape, 0.5))
+    regions = Regions.initial(2, 0.1, on_lines=True)
+    place = PlaceKnowledge(
+        replace(Trust.initial(2), place=sums), replace(regions, learned=np.full(regions.learned.shape, 0.5))
     )
     return place, alone
 
@@ -222,55 +223,61 @@ def along(chain, place, alone):
 def test_links_follow_each_other():
     """Trust moves the modes, people choose among those, and regions are scaled by the new weights."""
     place, alone = meeting()
-    trust, regions, now = place.trust, place.regions, Chain(trust=True)
-    found_place, found = along(now, place, alone)
+    trust, regions, steps = place.trust, place.regions, Postprocessing(trust=True)
+    found_place, found = along(steps, place, alone)
+    detections, looked_s = NO_DETECTIONS, -np.inf
     for k in range(7):
         here = np.array([[0.0, 0.02 * k], [2.0, 0.0]])
-        known = 0.3 * k, np.array([4, 9]), here, np.ones(2, bool)
-        trust, moved = trust.after(*known, alone)
+        people = np.array([4, 9])
+        detections = detections.append(0.3 * k, people, here)
+        now = Instant(0.3 * k, people, np.ones(2, bool), detections, looked_s)
+        looked_s = 0.3 * k
+        trust, moved = trust.update(now, alone)
         chosen = choose_modes(moved, here)
-        regions, expected = regions.after(*known, chosen)
+        regions, expected = regions.update(now, chosen)
     assert np.abs(moved.path - alone.path).max() > 0.01
     assert np.abs(chosen.weight - moved.weight).max() > 0.01
     for name, values in expected.arrays().items():
         np.testing.assert_array_equal(getattr(found, name), values)
     np.testing.assert_array_equal(found_place.regions.learned, regions.learned)
     np.testing.assert_array_equal(found_place.trust.weights, trust.weights)
-    apart = along(replace(now, together=False), place, alone)[1]
+    apart = along(replace(steps, joint=False), place, alone)[1]
     np.testing.assert_array_equal(apart.weight, alone.weight)
 
 
 def test_a_chain_without_links_changes_nothing():
-    place, after = along(Chain(together=False, learning=False), Place(None, None), meeting()[1])
+    place, after = along(
+        Postprocessing(joint=False, learning=False), PlaceKnowledge(None, None), meeting()[1]
+    )
     assert (place.trust, place.regions) == (None, None)
     np.testing.assert_array_equal(after.path, meeting()[1].path)
 
 
 def test_links_begin_unlearned():
-    default = Chain().unlearned(4)
+    default = Postprocessing().initial(4)
     assert default.trust is None
     assert (default.regions.noise_m, default.regions.on_lines) == (0.0, False)
-    place = Chain(noise_m=0.2, trust=True).unlearned(4)
+    place = Postprocessing(noise_m=0.2, trust=True).initial(4)
     assert (place.regions.noise_m, place.regions.on_lines, place.regions.steps[-1]) == (0.2, True, 3)
     assert place.trust.place.errors.shape == (2, 4, 2)
-    assert Chain(learning=False).unlearned(4) == Place(None, None)
-    assert Chain(learning=False, trust=True).unlearned(4).regions is None
+    assert Postprocessing(learning=False).initial(4) == PlaceKnowledge(None, None)
+    assert Postprocessing(learning=False, trust=True).initial(4).regions is None
 
 
 def test_a_place_is_kept_as_numbers():
     """What is None stays None, and what others have not learned stays unlearned."""
-    place, alone = along(Chain(trust=True), *meeting())
+    place, alone = along(Postprocessing(trust=True), *meeting())
     plain = place.plain()
-    again = Chain(trust=True).unlearned(2).relearned(plain)
+    again = Postprocessing(trust=True).initial(2).restored(plain)
     np.testing.assert_array_equal(again.regions.learned, place.regions.learned)
     np.testing.assert_array_equal(again.trust.place.errors, place.trust.without_people().place.errors)
     left = place.without_people()
-    assert (left.regions.waiting, left.trust.waiting, len(left.trust.person)) == ((), (), 0)
+    assert (left.regions.pending, left.trust.past, len(left.trust.person)) == ((), (), 0)
     np.testing.assert_array_equal(left.regions.learned, place.regions.learned)
-    nothing = Place(None, None)
+    nothing = PlaceKnowledge(None, None)
     assert nothing.plain() == {"trust": None, "regions": None}
-    assert nothing.without_people() == nothing.relearned(plain) == nothing
-    part = Chain(trust=True).unlearned(2).relearned(plain | {"trust": None})
+    assert nothing.without_people() == nothing.restored(plain) == nothing
+    part = Postprocessing(trust=True).initial(2).restored(plain | {"trust": None})
     assert not part.trust.place.errors.any()
     assert part.regions.learned.any()
     assert len(alone)
