@@ -35,15 +35,16 @@ from pedpred.features.perception import Following
 from pedpred.models import ARCHITECTURES
 from pedpred.models.contract import NetworkSettings
 from pedpred.models.features import RowFormat, parse_features
-from pedpred.models.lstm.augmentation import look_up
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.registry import parse_settings
 from pedpred.settings import load, load_together
 from pedpred.training.distributed import DistributedContext, distributed_context, multiplies_bfloat16
-from pedpred.training.instants import InstantLearner, InstantSettings
+from pedpred.training.instants import InstantSettings
+from pedpred.training.learner import NetworkLearner
 from pedpred.training.loop import Learner, train_step
-from pedpred.training.sequences import NamedSets, SequenceLearner, SequenceSettings
+from pedpred.training.sequences import SequenceSampler, SequenceSettings
+from pedpred.training.sets import NamedSets
 from tools.arguments import output
 
 TRACKS, TRACK_STEPS = 1000, 60
@@ -100,14 +101,11 @@ def recurrent_case(
     data = random_data(made_with, "grid" in settings.channels_read, np.random.default_rng(0)).to(here.device)
     network = settings.build(data.widths, data.horizon_steps).to(here.device)
     spans = data.spans.rows
-    learner = SequenceLearner(network, data, spans, spans, training, here)
-
-    def load(batch: Any) -> object:
-        return look_up(data, batch), data.known(batch.rows)
-
+    sampler = SequenceSampler(data, spans, spans, training, here)
+    learner = NetworkLearner(network, data, sampler, training, here)
     samples = training.lanes * training.sub_sequence
     weights = sum(p.numel() for p in network.parameters() if p.dim() == 2)
-    return Case(learner, samples, 6 * weights, load)
+    return Case(learner, samples, 6 * weights, partial(sampler.examples, step=0))
 
 
 def situation_case(
@@ -122,16 +120,13 @@ def situation_case(
     spans = Spans(np.array([[0, SITUATIONS]]), one, one, one)
     data = TrainingRows(channels, future, known, spans, ("random",), made_with).to(here.device)
     network = settings.build(data.widths, steps).to(here.device)
-    learner = InstantLearner(network, data, training, here)
+    sampler = training.sampler(data, here)
+    learner = NetworkLearner(network, data, sampler, training, here)
     with FlopCounterMode(display=False) as counted:
         learner.loss(np.arange(training.rows), 0).total.backward()
     operations = counted.get_total_flops() / training.rows
 
-    def load(batch: np.ndarray) -> object:
-        rows = torch.from_numpy(batch).to(here.device)
-        return data.inputs(rows), data.future[rows]
-
-    return Case(learner, training.rows, operations, load)
+    return Case(learner, training.rows, operations, partial(sampler.examples, step=0))
 
 
 def random_data(made_with: RowFormat, with_grid: bool, rng: np.random.Generator) -> TrainingRows:

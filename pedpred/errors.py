@@ -75,12 +75,9 @@ class ValueRuleError(PedpredError):
         self.field, self.value, self.rule = field, value, rule
 
 
-class ShapeError(PedpredError):
-    """An array has the wrong shape."""
-
-    def __init__(self, field: str, shape: Sequence[int], expected: str):
-        super().__init__(f"{field} has shape {tuple(shape)}, expected {expected}")
-        self.field = field
+def shape_error(field: str, shape: Sequence[int], expected: str) -> ValueRuleError:
+    """Make the error of an array that has the wrong shape."""
+    return ValueRuleError(field, tuple(shape), f"its shape must be {expected}")
 
 
 class ConfigError(PedpredError):

@@ -14,18 +14,18 @@ from pedpred.errors import ValueRuleError
 from pedpred.evaluation import WindowSet
 from pedpred.evaluation.observed import WindowSettings, find_observed_windows
 from pedpred.features.perception import Perception
-from pedpred.literature.mixing import RecordingShare
 from pedpred.settings import LARGEST_SEED, In, Settings, check_choice, load, load_together
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import KalmanBank
-from pedpred.training import InstantSettings, SequenceSettings
+from pedpred.training import FitSettings, InstantSettings, SequenceSettings
+from pedpred.training.sets import RealShare
 from stages.perception import kalman_of
 
 TOP, MODELS = Path("data/eth_ucy"), Path("models/eth_ucy")
 RECORDINGS = TOP / "recordings"
 PHASES = ("worlds", "recorded")
 """Of a training: in simulation, then on the recordings of a fold."""
-Phase = tuple[SequenceSettings | InstantSettings, RecordingShare | None]
+Phase = tuple[FitSettings, RealShare | None]
 """How a network is trained; and, if it learns from instants beside simulated ones, how much is recorded."""
 
 
@@ -102,7 +102,7 @@ def phase_of(cfg: Mapping[str, Any], name: str, phase: str) -> Phase:
     with configured(f"literature.networks.{name}.{phase}"):
         if "shares" not in options:
             return load(SequenceSettings, options), None
-        kinds = [InstantSettings, *([RecordingShare] if "real_share" in options else [])]
+        kinds = [InstantSettings, *([RealShare] if "real_share" in options else [])]
         settings, *share = load_together(kinds, options)
     return settings, share[0] if share else None
 

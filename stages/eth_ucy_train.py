@@ -15,7 +15,7 @@ from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.columns import count_rows
 from pedpred.storage.shards import has_rows
 from pedpred.storage.situations import read_situations_manifest
-from pedpred.training import InstantSettings, SequenceSettings
+from pedpred.training import FitSettings, InstantSettings
 from pedpred.training.distributed import distributed_context
 from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
 from pedpred.workers import in_parallel
@@ -30,21 +30,19 @@ def rows_of(cfg: DictConfig, name: str) -> Path:
     return TOP / "rows" / ARCHITECTURES[cfg.methods.networks[name].settings.architecture].features
 
 
-def simulated(phase: Phase) -> SequenceSettings | InstantSettings:
+def simulated(phase: Phase) -> FitSettings:
     """How a network is trained in simulation."""
     settings, _ = phase
-    if isinstance(settings, SequenceSettings):
+    if not isinstance(settings, InstantSettings):
         return settings
     return replace(settings, shares={f"simulated/{key}": share for key, share in settings.shares.items()})
 
 
-def recorded(
-    phase: Phase, recordings: Sequence[str], rows: Path
-) -> tuple[SequenceSettings | InstantSettings, list[str]]:
+def recorded(phase: Phase, recordings: Sequence[str], rows: Path) -> tuple[FitSettings, list[str]]:
     """How a network is trained on recordings, and the sets; none where no recording is available."""
     settings, share = simulated(phase), phase[1]
     sets = [f"recorded/{key}" for key in recordings]
-    if share is None or isinstance(settings, SequenceSettings):
+    if share is None or not isinstance(settings, InstantSettings):
         return settings, [key for key in sets if has_rows(rows / key)]
     sizes = {}
     for key in sets:
@@ -57,7 +55,7 @@ def recorded(
 def train(
     cfg: DictConfig,
     name: str,
-    settings: SequenceSettings | InstantSettings,
+    settings: FitSettings,
     sets: Sequence[str],
     previous: Path | None,
     out: Path,
@@ -81,7 +79,7 @@ def train(
 def worlds(cfg: DictConfig, name: str) -> Iterator[tuple[Any, ...]]:
     """What trains a network in simulation; one with a memory starts from the auto-encoder."""
     settings = simulated(phase_of(cfg, name, "worlds"))
-    if isinstance(settings, SequenceSettings):
+    if not isinstance(settings, InstantSettings):
         yield settings, ["simulated/worlds"], AUTOENCODER, name
     else:
         yield settings, list(settings.shares), None, name

@@ -17,11 +17,10 @@ from pedpred.settings import Settings, load, load_together
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.storage.shards import has_rows
 from pedpred.storage.situations import read_situations_manifest
-from pedpred.training import InstantSettings, SequenceSettings
+from pedpred.training import FitSettings, InstantSettings, SequenceSettings
 from pedpred.training.distributed import DeviceSettings, distributed_context
 from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
-from pedpred.training.instants import RealShare, mix_shares
-from pedpred.training.sequences import NamedSets
+from pedpred.training.sets import NamedSets, RealShare
 from pedpred.workers import in_parallel
 from stages.folds import trained_sets
 
@@ -54,7 +53,7 @@ class Training(Settings):
     folds: str = ""
 
 
-Phase = tuple[SequenceSettings | InstantSettings, NamedSets | RealShare | None]
+Phase = tuple[FitSettings, NamedSets | RealShare | None]
 """How a network is trained, and what the phase says about its sets."""
 
 
@@ -127,7 +126,8 @@ def train(
         sets = [] if simulation else recorded_sets(cfg, fold, rows, isinstance(settings, SequenceSettings))
     if isinstance(settings, InstantSettings):
         shares = {f"simulated/{key}": share for key, share in settings.shares.items()}
-        settings = replace(settings, shares=mix_shares(shares, sets, getattr(data, "real_share", 0.0)))
+        share = data if isinstance(data, RealShare) else RealShare()
+        settings = replace(settings, shares=share.mixed(shares, dict.fromkeys(sets, 1)))
         sets = list(settings.shares)
     elif not sets:
         assert previous is not None

@@ -78,11 +78,9 @@ def mixture(tmp_path_factory):
 @pytest.fixture(scope="session")
 def ros2():
     """Makes messages and bags of ROS 2."""
-    from rosbags.typesys import Stores
-
     from tests.bags import Store
 
-    return Store(Stores.ROS2_HUMBLE)
+    return Store()
 
 
 @pytest.fixture(scope="session")

@@ -15,10 +15,12 @@ from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.registry import describe_network, parse_settings
-from pedpred.models.rolling import rolled
 from pedpred.online.network import ModelDescription, write_description
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.tracking import KalmanSettings
+from pedpred.training import NetworkLearner
+from pedpred.training.distributed import ALONE
+from pedpred.training.sequences import SequenceSampler, run_over_sequences
 
 WIDTHS = {"state": 2, "grid": 392, "angular": 72}
 TRACKER = KalmanSettings(acceleration_noise=0.05, position_noise_m=0.05)
@@ -94,10 +96,16 @@ def write_autoencoder(folder, latent=64, tied=True):
 def roll(network, data, sequences):
     """Outputs at every row of some sequences; 0 elsewhere."""
     whole = {}
-    for rows, outputs in rolled(network, data, sequences):
+    for rows, outputs in run_over_sequences(network, data, sequences):
         for name, values in outputs.items():
             whole.setdefault(name, values.new_zeros(len(data.future), *values.shape[1:]))[rows] = values
     return whole
+
+
+def train_on(network, data, training, validation, how, context=ALONE):
+    """The learner of a network on some sequences of its rows."""
+    sampler = SequenceSampler(data, training, validation, how, context)
+    return NetworkLearner(network, data, sampler, how, context)
 
 
 def same_weights(one, other):
@@ -110,6 +118,6 @@ def rows_of(state, future, tracks, made_with=LSTM_ROWS, **given):
     track = np.arange(tracks)
     spans = Spans(np.stack([edges[:-1], edges[1:]], axis=-1), np.zeros(tracks, int), track // 2, track)
     usual = {"spans": spans, "future_steps": torch.full((len(state),), future.shape[1])}
-    fields = {name: given.pop(name) for name in ("spans", "future_steps", "nothing") if name in given}
+    fields = {name: given.pop(name) for name in ("spans", "future_steps", "empty") if name in given}
     channels = {"state": state, "angular": torch.zeros(len(state), 72)} | given
     return TrainingRows(channels, future, sets=("tracks",), made_with=made_with, **usual | fields)

@@ -9,13 +9,12 @@ import torch
 from pedpred.datasets.rows import load_instants
 from pedpred.models.registry import load_network
 from pedpred.storage.checkpoints import write_checkpoint
-from pedpred.training import SequenceLearner, train
+from pedpred.training import train
 from pedpred.training.distributed import ALONE, DistributedContext, distributed_context
 from pedpred.training.fit import fit
-from pedpred.training.instants import InstantLearner
 from tests import test_instant_training as instants
 from tests import test_learning as sequences
-from tests.exported import lstm, widths_of
+from tests.exported import lstm, train_on, widths_of
 from tests.test_processes import VARIED
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
@@ -30,13 +29,13 @@ def of_sequences(here):
     data = sequences.toy_data(np.random.default_rng(2)).to(here.device)
     network = lstm(16, 16, {"state": (8, 8), "angular": (8, 8)}).build(sequences.WIDTHS, 4).to(here.device)
     rows = data.spans.rows
-    return SequenceLearner(network, data, rows[:4], rows[4:], VARIED, here)
+    return train_on(network, data, rows[:4], rows[4:], VARIED, here)
 
 
 def of_instants(here, folders):
     torch.manual_seed(0)
     network = instants.NETWORK.build(widths_of(instants.SIZES), instants.STEPS).to(here.device)
-    return InstantLearner(network, load_instants(folders).to(here.device), instants.QUICK, here)
+    return instants.QUICK.learner(network, load_instants(folders).to(here.device), here)
 
 
 @pytest.fixture(params=["sequences", "instants"])

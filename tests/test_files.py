@@ -15,7 +15,7 @@ import pytest
 
 import pedpred
 from pedpred.command.recordings import open_scene, read_ground_at
-from pedpred.errors import InputError, OutputError, ShapeError, ValueRuleError
+from pedpred.errors import InputError, OutputError, ValueRuleError
 from pedpred.files import (
     as_path,
     atomic_write,
@@ -213,7 +213,7 @@ def test_an_error_of_a_decoder_names_the_file_and_keeps_its_cause(tmp_path):
 
 def test_a_file_is_read_up_to_its_largest_size(page):
     assert read_bytes(page, 3) == b"old"
-    with pytest.raises(ShapeError):
+    with pytest.raises(ValueRuleError):
         read_bytes(page, 2)
 
 

@@ -26,19 +26,18 @@ from pedpred.models.lstm.autoencoder import (
 )
 from pedpred.models.lstm.encoding import encode, encode_once
 from pedpred.models.registry import load_network, parse_settings, plain_settings
-from pedpred.models.rolling import rolled
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.training import (
     AutoencoderLearner,
     AutoencoderSettings,
-    SequenceLearner,
     SequenceSettings,
     train,
 )
 from pedpred.training.fit import copy_phase
 from pedpred.training.loop import scratch_folder
 from pedpred.training.schedule import learning_rate
-from tests.exported import lstm, roll, rows_of, same_weights, write_autoencoder, write_network
+from pedpred.training.sequences import run_over_sequences
+from tests.exported import lstm, roll, rows_of, same_weights, train_on, write_autoencoder, write_network
 from tests.worlds import squares
 
 WIDTHS = {"state": 2, "angular": 72}
@@ -141,9 +140,9 @@ def test_rolling_block_by_block_tells_every_row_once(monkeypatch):
     data = toy_data(np.random.default_rng(0))
     network = SMALL.build(WIDTHS, 4).eval()
     whole = roll(network, data, data.spans.rows)
-    monkeypatch.setattr("pedpred.models.rolling._TRACKS_AT_ONCE", 4)
-    monkeypatch.setattr("pedpred.models.rolling._STEPS_AT_ONCE", 7)
-    blocks = list(rolled(network, data, data.spans.rows[1:]))
+    monkeypatch.setattr("pedpred.training.sequences._TRACKS_AT_ONCE", 4)
+    monkeypatch.setattr("pedpred.training.sequences._STEPS_AT_ONCE", 7)
+    blocks = list(run_over_sequences(network, data, data.spans.rows[1:]))
     assert max(len(rows) for rows, _ in blocks) == 4 * 7
     rows = torch.cat([rows for rows, _ in blocks])
     assert sorted(rows.tolist()) == list(range(20, 120))
@@ -159,7 +158,7 @@ def test_padding_counts_neither_in_loss_nor_in_gradient():
     padded = torch.cat([rows, torch.full((2, 4), -1)], dim=1)
     losses = []
     for chosen in (rows, padded):
-        outputs, _ = network(data.padded_inputs(chosen), network.start(2))
+        outputs, _ = network(data.inputs(chosen), network.start(2))
         future, known = data.future[chosen.clamp(min=0)], data.known(chosen)
         losses += network.loss(outputs, future, known, data.dt_s)
     torch.testing.assert_close(losses[:3], losses[3:])
@@ -178,7 +177,7 @@ def test_carried_memory_solves_what_one_sub_sequence_cannot(tmp_path):
     data = toy_data(np.random.default_rng(1), tracks=24)
     network = SMALL.build(WIDTHS, 4)
     long = dataclasses.replace(QUICK, steps=250, lanes=12, longest_track=100, validate_every=50)
-    train(SequenceLearner(network, data, data.spans.rows, data.spans.rows, long), tmp_path, "memory")
+    train(train_on(network, data, data.spans.rows, data.spans.rows, long), tmp_path, "memory")
     late = [row for first, last in data.spans.rows for row in range(first + 10, last)]
     found = roll(network.eval(), data, data.spans.rows)["velocities"]
     error = velocity_distance(found[late], data.future[late])
@@ -191,7 +190,7 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
     def run(scratch):
         torch.manual_seed(3)
         network = SMALL.build(WIDTHS, 4)
-        learner = SequenceLearner(network, data, data.spans.rows[:4], data.spans.rows[4:], QUICK)
+        learner = train_on(network, data, data.spans.rows[:4], data.spans.rows[4:], QUICK)
         return network.state_dict(), train(learner, scratch, "toy")
 
     whole, curve = run(tmp_path / "whole")
@@ -215,7 +214,7 @@ def test_a_killed_training_ends_with_the_same_weights(tmp_path, monkeypatch):
 def test_validation_data_without_a_whole_horizon_are_refused_at_once(tmp_path):
     data = toy_data(np.random.default_rng(0))
     data.future_steps[:] = 3  # of 4
-    learner = SequenceLearner(SMALL.build(WIDTHS, 4), data, data.spans.rows, data.spans.rows, QUICK)
+    learner = train_on(SMALL.build(WIDTHS, 4), data, data.spans.rows, data.spans.rows, QUICK)
     with pytest.raises(ValueRuleError, match="validation_ade_m = nan, but the validation data"):
         train(learner, tmp_path, "toy")
 
@@ -224,7 +223,7 @@ def test_validation_data_without_a_whole_horizon_are_refused_at_once(tmp_path):
 def test_a_training_that_diverges_is_an_error_and_leaves_nothing(lost, named, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     data = toy_data(np.random.default_rng(0))
-    learner = SequenceLearner(SMALL.build(WIDTHS, 4), data, data.spans.rows[:4], data.spans.rows[4:], QUICK)
+    learner = train_on(SMALL.build(WIDTHS, 4), data, data.spans.rows[:4], data.spans.rows[4:], QUICK)
     loss_of = learner.loss
 
     def lose(batch, step):

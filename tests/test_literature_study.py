@@ -12,14 +12,13 @@ from omegaconf import OmegaConf
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.command import field_protocol
-from pedpred.errors import ConfigError, ValueRuleError
+from pedpred.errors import ConfigError
 from pedpred.evaluation import MetricSettings, measure
 from pedpred.evaluation.measure import BEST_ADE
 from pedpred.evaluation.observed import find_observed_windows, training_rows
 from pedpred.evaluation.scores import Resampling, Scores, mean_scores, write_scores
 from pedpred.features.perception import Perception
 from pedpred.forecasting.tensors import predictions_of
-from pedpred.literature.mixing import RecordingShare
 from pedpred.metrics.covering import covering_paths
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.encoding import encode
@@ -30,6 +29,7 @@ from pedpred.report.results import results_frame
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
+from pedpred.training.sets import RealShare
 from stages.eth_ucy import comparison_of
 from stages.eth_ucy_gather import figures_of
 from tests.configuration import read
@@ -259,7 +259,9 @@ def test_the_command_measures_the_windows_of_the_pipeline():
 
 
 def test_shares_follow_the_root_of_the_sizes():
-    shares = RecordingShare(real_share=0.6).mixed({"room": 3.0, "square": 1.0}, {"eth": 100, "univ": 10000})
+    shares = RealShare(real_share=0.6, size_exponent=0.5).mixed(
+        {"room": 3.0, "square": 1.0}, {"eth": 100, "univ": 10000}
+    )
     assert shares == pytest.approx({"room": 0.3, "square": 0.1, "eth": 0.6 / 11, "univ": 6 / 11})
     assert PROTOCOL.protocol.horizon_steps == 12
 
@@ -272,8 +274,6 @@ def test_no_fold_trains_on_what_it_tests():
         own = {**given, "folds": {"eth": {"test": ["eth"], "train": ["biwi_hotel"], **change}}}
         with pytest.raises(ConfigError, match=r"literature\.folds\.eth\.(train|test)"):
             comparison_of({"literature": own})
-    with pytest.raises(ValueRuleError, match="real_share"):
-        RecordingShare(real_share=1.5)
 
 
 def test_the_tables_name_stricter_folds_and_average_whole_rows_alone():

@@ -17,8 +17,8 @@ from pedpred.models.registry import load_network, parse_settings
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import replay_scene
 from pedpred.tracking import KalmanBank
-from pedpred.training import SequenceLearner, train
-from tests.exported import LSTM_ROWS, TRACKER, write_model, write_network
+from pedpred.training import train
+from tests.exported import LSTM_ROWS, TRACKER, train_on, write_model, write_network
 from tests.test_learning import QUICK, toy_data
 from tests.toys.architecture import ToySettings
 from tests.worlds import walled_scene
@@ -34,7 +34,7 @@ def network(monkeypatch, tmp_path):
     torch.manual_seed(0)
     toy = parse_settings({"architecture": "toy", "units": 6}).build(data.widths, data.horizon_steps)
     long = dataclasses.replace(QUICK, steps=30, validate_every=15)
-    learner = SequenceLearner(toy, data, data.spans.rows, data.spans.rows, long)
+    learner = train_on(toy, data, data.spans.rows, data.spans.rows, long)
     curve = train(learner, tmp_path / "run", "toy")
     assert curve[-1]["validation_distance"] < curve[0]["validation_distance"]
     write_network(tmp_path / "toy", toy, MADE_WITH)

@@ -11,12 +11,12 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from pedpred.errors import ValueRuleError
-from pedpred.models.lstm.augmentation import Augmentation
 from pedpred.training import train as train_learner
+from pedpred.training.augmentation import Augmentation
 from pedpred.training.distributed import ALONE, DistributedContext, distributed_context
 from pedpred.training.loop import train_step
-from pedpred.training.sequences import SequenceLearner
+from tests.exported import train_on
+from tests.refused import refused
 from tests.test_learning import QUICK, SMALL, WIDTHS, toy_data
 
 VARIED = dataclasses.replace(QUICK, augmentation=Augmentation(0.5, (0.8, 1.2), 0.1, 0.2, 0.2))
@@ -28,7 +28,7 @@ def train(here, folder):
     data = toy_data(np.random.default_rng(2))
     data.future_steps[::7] = 1  # so that the processes' shares weigh differently
     network = SMALL.build(WIDTHS, 4)
-    learner = SequenceLearner(network, data, data.spans.rows[:4], data.spans.rows[4:], VARIED, here)
+    learner = train_on(network, data, data.spans.rows[:4], data.spans.rows[4:], VARIED, here)
     return train_learner(learner, folder, "")
 
 
@@ -69,27 +69,20 @@ def test_two_processes_learn_what_one_does_with_all_lanes(tmp_path):
 def test_lanes_are_divided_evenly_or_refused():
     shares = [DistributedContext(ALONE.device, rank=rank, size=4).share(64) for rank in range(4)]
     assert [i for share in shares for i in range(64)[share]] == list(range(64))
-    with pytest.raises(ValueRuleError, match="lanes"):
+    with refused("lanes"):
         DistributedContext(ALONE.device, size=3).share(64)
 
 
 def test_unknown_or_missing_devices_are_refused():
-    with pytest.raises(ValueRuleError, match="device"), distributed_context("tpu", False):
+    with refused("device"), distributed_context("tpu", False):
         pass
-    with pytest.raises(ValueRuleError, match="autocast"), distributed_context("cpu", "fast"):
+    with refused("autocast"), distributed_context("cpu", "fast"):
         pass
     if not torch.cuda.is_available():
-        with pytest.raises(ValueRuleError, match="device"), distributed_context("cuda", False):
+        with refused("device"), distributed_context("cuda", False):
             pass
         with distributed_context("auto", False) as here:
             assert here == ALONE
-
-
-@pytest.mark.parametrize("units", [{}, {"avx512_f": True, "amx_bf16": False}, {"amx_bf16": True}])
-def test_autocast_follows_the_units_of_the_processor(monkeypatch, units):
-    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: units, raising=False)
-    with distributed_context("cpu", "auto") as here:
-        assert here.autocast is units.get("amx_bf16", False)
 
 
 def test_bfloat16_products_change_a_loss_by_rounding_only(narrow_lstm):
@@ -98,7 +91,7 @@ def test_bfloat16_products_change_a_loss_by_rounding_only(narrow_lstm):
     losses = []
     for narrow in (False, True):
         here = DistributedContext(ALONE.device, narrow)
-        learner = SequenceLearner(network, data, data.spans.rows, data.spans.rows, VARIED, here)
+        learner = train_on(network, data, data.spans.rows, data.spans.rows, VARIED, here)
         losses.append(learner.loss(next(learner.batches(0)), 0).reported.item())
     assert losses[0] != losses[1]
     assert losses[1] == pytest.approx(losses[0], rel=2e-2)
@@ -114,7 +107,7 @@ def test_a_training_step_stays_on_its_device():
     """A step makes no tensor elsewhere and reads no value: on the device "meta", both would fail."""
     far = DistributedContext(torch.device("meta"))
     network, data = SMALL.build(WIDTHS, 4).to(far.device), toy_data(np.random.default_rng(0)).to(far.device)
-    learner = SequenceLearner(network, data, data.spans.rows, data.spans.rows, VARIED, far)
+    learner = train_on(network, data, data.spans.rows, data.spans.rows, VARIED, far)
     learner.optimizer = torch.optim.SGD(network.parameters())
     for step, batch in enumerate(islice(learner.batches(0), 2)):
         loss = train_step(learner, batch, step)

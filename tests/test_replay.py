@@ -53,7 +53,7 @@ def test_a_replay_gives_the_offline_forecasts(request, of, kind, dt_s):
 
 @pytest.mark.parametrize("of", ["model", "mixture"])
 @pytest.mark.parametrize("of_each", ["frame", "detection"])
-def test_a_replay_of_irregular_stamps_gives_the_offline_forecasts(request, of, of_each):
+def test_a_replay_of_irregular_stamps_is_the_offline_forecast(request, of, of_each):
     scene = walled_scene(np.random.default_rng(2), 0.1, detections=60)
     assert_a_replay_agrees(
         jittered(scene, 0.02, np.random.default_rng(3), of_each), "kalman", request.getfixturevalue(of)

@@ -1,7 +1,6 @@
 """Every detection counts: the windows of regular, irregular, sparse and empty recordings."""
 
 import dataclasses
-import logging
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, measure, summarise_methods
 from pedpred.evaluation.windows import find_windows, request_about
 from pedpred.features import ForecastProtocol
-from pedpred.features.perception import Perception, parse_tracker
+from pedpred.features.perception import Perception
 from pedpred.online import OnlinePredictor
 from pedpred.online.assessment import assess
 from pedpred.scenes import Scene, Trajectories
@@ -48,7 +47,7 @@ def without(scene, gone):
 
 
 @pytest.mark.parametrize("of_each", ["frame", "detection"])
-def test_jittered_detections_keep_as_many_windows_in_the_pipeline_and_in_the_command(model, of_each):
+def test_jittered_detections_keep_their_windows(model, of_each):
     folder, network, encoder = model
     on_clock = walked(0.3)
     rare = walked(1 / 2.4)
@@ -66,13 +65,12 @@ def test_jittered_detections_keep_as_many_windows_in_the_pipeline_and_in_the_com
     assert len(asked(noisy).rows) == pytest.approx(len(asked(rare).rows), rel=0.01)
 
 
-def test_there_is_no_truth_across_a_gap(caplog):
+def test_there_is_no_truth_across_a_gap():
     """Nobody is seen for 1.2 s: horizons that cross it are no windows; people and their memory stay."""
     scene = walked(0.4)
     gone = np.abs(scene.trajectories.time_s - 15.0) < 0.5
     whole = asked(scene).asked
-    with caplog.at_level(logging.WARNING):
-        windows = windows_of(without(scene, gone))
+    windows = windows_of(without(scene, gone))
     request = windows.request
     crossing = (whole.time_s > 14.4 - 3.0 + 1e-6) & (whole.time_s < 15.6 - 1e-6)
     assert set(request.asked.time_s) == set(whole.time_s[~crossing])
@@ -80,25 +78,12 @@ def test_there_is_no_truth_across_a_gap(caplog):
     scores = measure(windows, {"cv": BASELINES["cv"]()}, SETTINGS)
     figures = summarise_methods(scores, "cv", SETTINGS)["cv"]
     assert figures["eligible"] - figures["windows"] == lost > 0
-    assert f"{lost} of {figures['eligible']} windows are lost" in caplog.text
 
 
-def test_a_few_lost_windows_are_counted_silently(caplog):
-    scene = walked(0.1, seconds=60.0, people=9)
-    gone = (scene.trajectories.track_id == 0) & (np.abs(scene.trajectories.time_s - 20.0) < 0.4)
-    with caplog.at_level(logging.WARNING):
-        scores = measure(windows_of(without(scene, gone)), {"cv": BASELINES["cv"]()}, SETTINGS)
-    assert 0 < scores["cv"].without_truth < 0.01 * len(scores["cv"].track)
-    assert not caplog.text
-
-
-def test_a_recording_that_is_slower_than_truth_allows_says_so():
-    with pytest.raises(ValueRuleError, match=r"none of .* is left in walk: .* more than 0\.6 s apart"):
+def test_a_recording_slower_than_truth_allows_is_refused():
+    with pytest.raises(ValueRuleError):
         asked(walked(0.8))
-    with pytest.raises(ValueRuleError, match=r"are usually 0\.8 s apart \(time stamps must be in seconds\)"):
-        asked(walked(0.8))
-    slow = asked(walked(0.8), ForecastProtocol(truth_gap_s=1.0))
-    assert len(slow.rows) > 50
+    assert len(asked(walked(0.8), ForecastProtocol(truth_gap_s=1.0)).rows) > 50
 
 
 def test_gaps_of_the_sensor_are_no_gaps_of_the_truth():
@@ -144,18 +129,6 @@ def test_an_empty_recording_is_perceived(sizes, sensor):
     assert len(request.table) == len(request.steps) == len(request.rows) == 0
 
 
-def test_no_question_has_an_answer(model):
-    scene = walked(0.4, seconds=2.0)
-    request = request_about(scene, KALMAN, CAUSAL, scene.trajectories, memory=True)
-    nothing = dataclasses.replace(request, rows=request.rows[:0])
-    assert forecaster_of(*model[1:])(nothing).point.shape == (0, 10, 2)
-
-
 def test_a_recurrent_forecaster_without_steps_says_so(model):
-    with pytest.raises(ValueRuleError, match="clock"):
+    with pytest.raises(ValueRuleError):
         forecaster_of(*model[1:])(dataclasses.replace(asked(walked(0.4)), clock=None))
-
-
-def test_an_unknown_tracker_is_refused():
-    with pytest.raises(ValueRuleError, match="kind = 'oracle'"):
-        parse_tracker({"kind": "oracle"})

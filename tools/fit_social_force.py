@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 
 from pedpred.baselines.social_force import InitialState, initial_state, people_present
 from pedpred.config import config_errors, read_params, row
-from pedpred.errors import ShapeError
+from pedpred.errors import shape_error
 from pedpred.evaluation import find_windows
 from pedpred.files import check_output
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
@@ -86,10 +86,10 @@ def fit_forces(
         most_trials: parameter sets to try at most.
 
     Raises:
-        ShapeError: `truth` is not that of `asked`.
+        ValueRuleError: `truth` is not that of `asked`.
     """
     if len(truth) != len(asked):
-        raise ShapeError("truth", truth.shape, f"[{len(asked)}, P, 2]")
+        raise shape_error("truth", truth.shape, f"[{len(asked)}, P, 2]")
     first = np.array([getattr(model.forces, name) for name in FITTED])
     first_log = np.log(first)
     simplex = np.vstack([first_log, first_log + np.log(2.0) * np.eye(len(first))])  # twice each value

@@ -15,16 +15,15 @@ from pedpred.errors import ValueRuleError
 from pedpred.features.surroundings import present_rows
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.geometry import rotate
-from pedpred.scenes import OccupancyMap, Predictions, Scene, Trajectories
+from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.simulation.crowd import Crowd, crowd_of
-from pedpred.simulation.ground import Ground, ground_of
+from pedpred.simulation.ground import Ground, ground_around
 from pedpred.simulation.routing import Routes, routes_to
 from pedpred.simulation.settings import RoutingSettings, SocialForceSettings
 from pedpred.simulation.simulator import rollout
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
-_GOALS_AHEAD = 4  # enough for a horizon of some seconds
-_FREE_MARGIN_M = 3.0  # ground around the map where people may walk; no border is felt farther away
+GOALS_AHEAD = 4  # enough for a horizon of some seconds
 
 
 def social_force() -> Forecaster:
@@ -185,7 +184,7 @@ def intentions(
         changes |= (np.diff(place, axis=0) != 0).any(axis=1)
     run = np.concatenate([[0], np.cumsum(changes)])  # consecutive rows of one goal
     run_end = np.append(np.flatnonzero(changes), len(track) - 1)
-    ahead = run[now][:, None] + np.arange(_GOALS_AHEAD if known else 1)
+    ahead = run[now][:, None] + np.arange(GOALS_AHEAD if known else 1)
     end = run_end[np.minimum(ahead, len(run_end) - 1)]
     valid = (ahead < len(run_end)) & (track[end] == track_id[:, None])
     goals, used = np.unique(place[end[valid]], axis=0, return_inverse=True)
@@ -211,17 +210,3 @@ def _latest_rows(
         latest = np.searchsorted(times_s[first:last], time_s[mask] + TIME_TOLERANCE_S, side="right") - 1
         rows[mask] = first + np.maximum(latest, 0)
     return rows
-
-
-def ground_around(occupancy: OccupancyMap, points: np.ndarray, cell_m: float) -> Ground:
-    """Obstacles of a map, with free ground around it that holds some points.
-
-    Args:
-        occupancy: the map.
-        points: where people are or go, world frame, m. [N, 2]
-        cell_m: the ground is extended by whole routing cells of this side, m.
-    """
-    beyond = np.maximum(occupancy.origin - points, points - occupancy.origin - occupancy.extent_m)
-    cells = max(round(cell_m / occupancy.resolution_m), 1)
-    margin_m = float(beyond.max(initial=0.0)) + _FREE_MARGIN_M
-    return ground_of(occupancy, cells * int(np.ceil(margin_m / (cells * occupancy.resolution_m))))

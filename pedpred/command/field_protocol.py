@@ -20,6 +20,7 @@ from pedpred.features.perception import Perception
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.online.assessment import NETWORK
 from pedpred.online.batch import predictions_in_blocks
+from pedpred.online.network import ModelDescription
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.scenes import Predictions, Scene
 
@@ -37,7 +38,7 @@ _LOG = logging.getLogger(__name__)
 def assess_windows(
     scene: Scene,
     predictor: OnlinePredictor,
-    wanted: bool,
+    is_named: bool,
     settings: MetricSettings,
     foreign: Mapping[str, ForeignForecasts],
 ) -> dict[str, Scores]:
@@ -46,7 +47,7 @@ def assess_windows(
     Args:
         scene: annotations every 0.4 s.
         predictor: with the model, whose tracker simple methods use, too.
-        wanted: the user named the model, so that one of another time step or horizon is an error.
+        is_named: the user named the model, so that one of another time step or horizon is an error.
         settings: thresholds of the metrics.
         foreign: forecasts of other programs by name; windows without one in each of them are left out.
 
@@ -56,7 +57,7 @@ def assess_windows(
     """
     if abs(scene.detection_dt_s - WINDOWS.step_s) > _SAME_S:
         rule = f"this protocol needs annotations every {WINDOWS.step_s:g} s"
-        raise ValueRuleError("--protocol", f"{scene.name}, every {scene.detection_dt_s:g} s", rule)
+        raise ValueRuleError("protocol", f"{scene.name}, every {scene.detection_dt_s:g} s", rule)
     about = predictor.description
     how = Perception(predictor.filters, about.standstill_mps)
     windows = find_observed_windows(scene, how, WINDOWS, memory=False)
@@ -67,18 +68,27 @@ def assess_windows(
         kept = answered_by_all(foreign, named)
         windows, named = windows.select(kept), replace(named, rows=named.rows[kept])
     methods: dict[str, Forecaster] = {key: make() for key, make in PRESENT_MOTION.items()}
-    sizes = about.protocol
-    fits = (sizes.dt_s, sizes.horizon_steps) == (WINDOWS.step_s, WINDOWS.predicted_steps)
-    if fits and not about.memory:
+    if _fits(about, is_named):
         methods[NETWORK] = partial(_forecast, predictor)
-    else:
-        has = f"{sizes.horizon_steps} steps of {sizes.dt_s:g} s" + (" and a memory" if about.memory else "")
-        rule = f"this protocol needs {WINDOWS.predicted_steps} steps of {WINDOWS.step_s:g} s, without memory"
-        if wanted:
-            raise ValueRuleError("--model", has, rule)
-        _LOG.info("the default model is left out: it forecasts %s, and %s", has, rule)
     methods |= {name: given(forecasts(named)) for name, forecasts in foreign.items()}
     return measure(windows, methods, settings, samples=SAMPLES)
+
+
+def _fits(about: ModelDescription, is_named: bool) -> bool:
+    """Whether a model has the steps of the protocol.
+
+    Raises:
+        ValueRuleError: the model that the user named has not.
+    """
+    sizes = about.protocol
+    if (sizes.dt_s, sizes.horizon_steps) == (WINDOWS.step_s, WINDOWS.predicted_steps) and not about.memory:
+        return True
+    has = f"{sizes.horizon_steps} steps of {sizes.dt_s:g} s{' and a memory' if about.memory else ''}"
+    rule = f"this protocol needs {WINDOWS.predicted_steps} steps of {WINDOWS.step_s:g} s, without memory"
+    if is_named:
+        raise ValueRuleError("model", has, rule)
+    _LOG.info("the default model is left out: it forecasts %s, and %s", has, rule)
+    return False
 
 
 def _forecast(predictor: OnlinePredictor, request: ForecastRequest) -> Predictions:

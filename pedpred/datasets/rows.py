@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pedpred.errors import InputError, ShapeError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError, shape_error
 from pedpred.features import FeatureTable
 from pedpred.models.features import RowFormat
 from pedpred.storage.mapped import MappedRows
@@ -51,7 +51,7 @@ class TrainingRows:
         spans: rows that belong together.
         sets: names of the sets, in the order of their rows.
         made_with: protocol and sizes.
-        nothing: channel -> its values at row < 0, zeros for others. [width] float32
+        empty: channel -> its values where nobody and nothing is near, zeros for others. [width] float32
     """
 
     channels: Mapping[str, torch.Tensor]
@@ -60,7 +60,7 @@ class TrainingRows:
     spans: Spans
     sets: tuple[str, ...]
     made_with: RowFormat
-    nothing: Mapping[str, torch.Tensor] = field(default_factory=dict)
+    empty: Mapping[str, torch.Tensor] = field(default_factory=dict)
 
     @property
     def widths(self) -> dict[str, int]:
@@ -84,18 +84,14 @@ class TrainingRows:
 
     def to(self, device: torch.device) -> TrainingRows:
         """The same rows on another device, all of them."""
-        channels, nothing = (
+        channels, empty = (
             {name: values.to(device) for name, values in tensors.items()}
-            for tensors in (self.channels, self.nothing)
+            for tensors in (self.channels, self.empty)
         )
         future, future_steps = self.future.to(device), self.future_steps.to(device)
-        return replace(self, channels=channels, nothing=nothing, future=future, future_steps=future_steps)
+        return replace(self, channels=channels, empty=empty, future=future, future_steps=future_steps)
 
-    def inputs(self, rows: torch.Tensor) -> dict[str, torch.Tensor]:
-        """The network's inputs at some rows, none of which is negative, channel -> [B, width] float32."""
-        return {name: values[rows].to(torch.float32) for name, values in self.channels.items()}
-
-    def padded_inputs(
+    def inputs(
         self, rows: torch.Tensor, instead: Mapping[str, torch.Tensor] | None = None
     ) -> dict[str, torch.Tensor]:
         """The network's inputs at some rows, channel -> [..., width] float32.
@@ -106,7 +102,7 @@ class TrainingRows:
         """
         instead = instead or {}
         return {
-            name: _entries(table, instead.get(name, rows), self.nothing.get(name))
+            name: _entries(table, instead.get(name, rows), self.empty.get(name))
             for name, table in self.channels.items()
         }
 
@@ -116,10 +112,10 @@ class TrainingRows:
         return (steps < self.future_steps[rows.clamp(min=0)][..., None]) & (rows >= 0)[..., None]
 
 
-def _entries(table: torch.Tensor, rows: torch.Tensor, nothing: torch.Tensor | None) -> torch.Tensor:
-    """Entries of a table [M, W]; at row < 0 `nothing` [W], which is zeros when None. [...] -> [..., W]."""
+def _entries(table: torch.Tensor, rows: torch.Tensor, empty: torch.Tensor | None) -> torch.Tensor:
+    """Entries of a table [M, W]; at row < 0 `empty` [W], which is zeros when None. [...] -> [..., W]."""
     entries = table.index_select(0, rows.clamp(min=0).flatten()).to(torch.float32).unflatten(0, rows.shape)
-    return torch.where((rows >= 0)[..., None], entries, 0.0 if nothing is None else nothing)
+    return torch.where((rows >= 0)[..., None], entries, 0.0 if empty is None else empty)
 
 
 def sequences_of(table: FeatureTable) -> np.ndarray:
@@ -237,10 +233,10 @@ class _Columns:
         """Everything that was added.
 
         Raises:
-            ShapeError: nothing was.
+            ValueRuleError: nothing was.
         """
         if not self.mapped:
-            raise ShapeError("future", (), "at least one block of rows")
+            raise shape_error("future", (), "at least one block of rows")
         tensors = {name: torch.from_numpy(rows.array()) for name, rows in self.mapped.items()}
         future, future_steps = tensors.pop("future"), tensors.pop("future_steps")
         spans = Spans(*(np.concatenate(column) for column in zip(*self.spans, strict=True)))

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pedpred.driving.crowds import MovingCrowd
 from pedpred.driving.episodes import DriveSettings, Episode
 from pedpred.driving.forecasters import Forecaster
-from pedpred.driving.people import Crowd
 from pedpred.driving.planner import Planner
 from pedpred.driving.robot import advance
 from pedpred.driving.sensor import visible
@@ -46,7 +46,7 @@ class Drive:
 
 def drive(
     episode: Episode,
-    crowd: Crowd,
+    crowd: MovingCrowd,
     forecaster: Forecaster,
     occupancy: OccupancyMap,
     settings: DriveSettings,

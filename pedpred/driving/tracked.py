@@ -8,7 +8,8 @@ from pedpred.features import Pedestrians
 from pedpred.online import OnlinePredictor
 from pedpred.online.frame import Frame
 from pedpred.online.past import slots_for
-from pedpred.online.people import People, register_detections
+from pedpred.online.people import People
+from pedpred.online.registration import register_detections
 from pedpred.tracking import Belief, predicted
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 

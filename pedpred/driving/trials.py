@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from pedpred.driving.episodes import DriveSettings, Recording
+from pedpred.driving.episodes import DriveSettings
 from pedpred.driving.figures import figures_of
 from pedpred.driving.forecasters import NAMES
-from pedpred.driving.runs import Models, Places, Runner
+from pedpred.driving.places import REACTIONS, Places, Recording, Worlds
+from pedpred.driving.runs import Models, Runner
 from pedpred.driving.shown import as_scene, choose_episodes, describe, write_drive
 from pedpred.driving.table import Condition, Row, write_table
-from pedpred.driving.worlds import REACTIONS, Worlds
 from pedpred.errors import ValueRuleError
 from pedpred.files import write_json
 from pedpred.settings import (

@@ -43,7 +43,7 @@ def measure(
     Raises:
         ValueRuleError: a window has no forecast, or one that some metrics could not measure; or forecasts are
             those of other instants or in another frame.
-        ShapeError: there are more or fewer forecasts or steps than were asked for.
+        ValueRuleError: there are more or fewer forecasts or steps than were asked for.
 
     Returns:
         The scores of each method.

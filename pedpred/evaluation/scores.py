@@ -10,7 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
-from pedpred.errors import InputError, ShapeError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError, shape_error
 from pedpred.files import translate_errors
 from pedpred.metrics import METRICS, Metric, MetricScene
 from pedpred.metrics.calibration import mixture_nll, share_inside
@@ -109,16 +109,15 @@ def score(
         steps: measure the calibration at each step, the slowest of all.
 
     Raises:
-        ValueRuleError: a window has no forecast, or one that some metrics could not measure; or forecasts are
-            not in the world frame.
-        ShapeError: there are more or fewer forecasts or steps than of the truth, or a metric gives something
+        ValueRuleError: a window has no forecast, or one that some metrics cannot measure; forecasts are not
+            in the world frame, or of another number or length than the truth; or a metric gives something
             else than a value per window.
     """
     if predictions.frame != "world":
         rule = "it must be 'world': a method gives what `in_world` of its predictions returns"
         raise ValueRuleError("predictions.frame", predictions.frame, rule)
     if predictions.point.shape != truth.shape:
-        raise ShapeError("predictions.point", predictions.point.shape, f"{truth.shape}, as the truth has")
+        raise shape_error("predictions.point", predictions.point.shape, f"{truth.shape}, as the truth has")
     _check_all_forecast(predictions)
     inside = nll = np.zeros((len(predictions), 0))
     if steps and predictions.covariance is not None:
@@ -126,7 +125,7 @@ def score(
     values = {key: metric.value(predictions, truth, scene) for key, metric in metrics.items()}
     for key, of_windows in values.items():
         if np.shape(of_windows) != track.shape:
-            raise ShapeError(f"metrics.{key}", np.shape(of_windows), f"{track.shape}, a value per window")
+            raise shape_error(f"metrics.{key}", np.shape(of_windows), f"{track.shape}, a value per window")
     return Scores(track, values, displacement(predictions.point, truth), inside, nll)
 
 

@@ -62,6 +62,9 @@ class ModelFeatures(Protocol):
             stored: of `compute`, or columns of a file with "state", the velocity, agent frame, m/s.
         """
 
+    def empty_channels(self) -> dict[str, float]:
+        """Value of each channel where nobody and nothing is near, but for those where it is 0."""
+
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Inputs of an exported network: name -> shape per person."""
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from pedpred.errors import ShapeError
+from pedpred.errors import shape_error
 from pedpred.settings import In, Settings
 from pedpred.tracking.tracks import LOST_AFTER_S
 
@@ -84,7 +84,7 @@ class FeatureTable:
     def __post_init__(self) -> None:
         for name, value in {**self.columns, **self.inputs}.items():
             if len(value) != len(self.track_id):
-                raise ShapeError(name, value.shape, f"[{len(self.track_id)}, ...]")
+                raise shape_error(name, value.shape, f"[{len(self.track_id)}, ...]")
 
     @property
     def columns(self) -> dict[str, np.ndarray]:

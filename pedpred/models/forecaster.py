@@ -12,13 +12,14 @@ import torch
 from pedpred.datasets.rows import EMBEDDED
 from pedpred.features import ModelFeatures
 from pedpred.forecasting import ForecastRequest
-from pedpred.forecasting.chain import Chain, forecast_blocks
+from pedpred.forecasting.blocks import forecast_blocks
+from pedpred.forecasting.postprocessing import Postprocessing
 from pedpred.forecasting.tensors import predictions_of
 from pedpred.models.contract import ForecastNetwork, Tensors
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.encoding import encode_once, load_encoder
 from pedpred.models.registry import load_format, load_network
-from pedpred.models.rolling import recall
+from pedpred.models.rolling import outputs_at_instants
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
 
@@ -69,8 +70,8 @@ class NetworkForecaster:
                 outputs, _ = self.network({n: torch.from_numpy(v)[:, None] for n, v in channels.items()}, {})
             return self._answer({name: values[:, 0] for name, values in outputs.items()}, request.sizes.dt_s)
 
-        chain = Chain(self.together, self.learning, request.detection_noise_m, self.trust)
-        which, parts = zip(*forecast_blocks(request, self.features, infer, chain), strict=True)
+        postprocessing = Postprocessing(self.together, self.learning, request.detection_noise_m, self.trust)
+        which, parts = zip(*forecast_blocks(request, self.features, infer, postprocessing), strict=True)
         return Predictions.join(parts).select(np.argsort(np.concatenate(which)))
 
     def _answer(self, outputs: Tensors, dt_s: float) -> Predictions:
@@ -88,7 +89,7 @@ class NetworkForecaster:
         before = steps.step[latest] + ~on_step
         row = request.past.last_row(steps.track_id, steps.time_s)
         inputs = self._inputs(request, [(row, steps.time_s), (request.rows, asked.time_s)])
-        return recall(self.network, inputs[0], inputs[1], first, before, on_step)
+        return outputs_at_instants(self.network, inputs[0], inputs[1], first, before, on_step)
 
     def _inputs(
         self, request: ForecastRequest, instants: list[tuple[np.ndarray, np.ndarray]]

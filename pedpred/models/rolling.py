@@ -1,46 +1,16 @@
-"""Run a recurrent network along whole tracks, with its state carried from the first step to the last."""
+"""Run a recurrent network along whole tracks, and look in between their steps."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 import torch
 
-from pedpred.datasets.rows import TrainingRows
 from pedpred.models.contract import ForecastNetwork, Tensors, select
 
 _TRACKS_AT_ONCE = 256
-_STEPS_AT_ONCE = 32
 
 
-def rolled(
-    network: ForecastNetwork, data: TrainingRows, sequences: np.ndarray
-) -> Iterator[tuple[torch.Tensor, Tensors]]:
-    """Outputs at every step of some sequences, in blocks of rows, which bounds the memory.
-
-    Args:
-        network: in evaluation mode.
-        data: inputs.
-        sequences: rows [first, last) of each track. [S, 2]
-
-    Yields:
-        Rows [m], each row of a sequence once, and the outputs there. [m, ...] each
-    """
-    by_length = sequences[np.argsort(sequences[:, 0] - sequences[:, 1], kind="stable")]
-    for at in range(0, len(by_length), _TRACKS_AT_ONCE):
-        first, last = by_length[at : at + _TRACKS_AT_ONCE].T
-        state = network.start(len(first))
-        for begin in range(0, int((last - first).max()), _STEPS_AT_ONCE):
-            steps = first[:, None] + begin + np.arange(_STEPS_AT_ONCE)
-            rows = torch.from_numpy(np.where(steps < last[:, None], steps, -1)).to(data.future.device)
-            with torch.inference_mode():  # not around `yield`: it would hold in the caller, too
-                outputs, state = network(data.padded_inputs(rows), state)
-            real = rows >= 0
-            yield rows[real], select(outputs, real)
-
-
-def recall(
+def outputs_at_instants(
     network: ForecastNetwork,
     steps: Tensors,
     asked: Tensors,
@@ -71,13 +41,11 @@ def recall(
         block = slice(at, at + _TRACKS_AT_ONCE)
         state = network.start(len(start[block]))
         in_block = np.flatnonzero((lane >= at) & (lane < block.stop))
-        for step in range(length[at] + 1):
+        for step in range(before[in_block].max() + 1):
             going = int((length[block] > step).sum())  # longer tracks come first
             due = in_block[before[in_block] == step]
             between = due[~on_step[due]]
             rows, fresh = torch.from_numpy(start[block][:going] + step), torch.from_numpy(between)
-            if not going + len(between):
-                break
             inputs = {name: torch.cat([steps[name][rows], asked[name][fresh]])[:, None] for name in steps}
             lanes = torch.from_numpy(np.concatenate([np.arange(going), lane[between] - at]))
             with torch.inference_mode():

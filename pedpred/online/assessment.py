@@ -13,7 +13,7 @@ from pedpred.evaluation import EvaluationSettings, Scores, find_windows, given, 
 from pedpred.evaluation.scores import join_scores
 from pedpred.features.perception import Perception, sensed
 from pedpred.forecasting import Forecaster, ForecastRequest
-from pedpred.forecasting.chain import instant_blocks
+from pedpred.forecasting.blocks import instant_blocks
 from pedpred.metrics import Metric
 from pedpred.online.batch import predictions_in_blocks
 from pedpred.online.predictor import OnlinePredictor

@@ -1,8 +1,8 @@
-"""The manifest of a folder of Parquet files: schema version, protocol, inputs, columns with units, files."""
+"""Folders of Parquet files with a manifest: schema version, protocol, inputs, columns with units, files."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -14,25 +14,26 @@ from pedpred.errors import InputError, brief
 from pedpred.features import StoredColumn
 from pedpred.files import read_json, translate_errors, write_json
 from pedpred.models.features import RowFormat
+from pedpred.storage.columns import read_blocks
 
 _REMEDY = "Write it again"
 
 
-def shapes_of(wanted: Mapping[str, StoredColumn]) -> dict[str, tuple[int, ...]]:
-    """Trailing axes of columns, by name."""
-    return {name: column.shape for name, column in wanted.items()}
-
-
-def check_types(path: Path, columns: Mapping[str, np.ndarray], wanted: Mapping[str, StoredColumn]) -> None:
-    """Check the types of columns that were read from a file.
+def read_typed_blocks(
+    path: Path, wanted: Mapping[str, StoredColumn], schema: int | None = None
+) -> Iterator[dict[str, np.ndarray]]:
+    """Read columns block by block, as `read_blocks` does, and check their types.
 
     Raises:
-        InputError: one has another type; it is named.
+        InputError: the file is damaged or of another schema version, or a column is missing or of
+            another type or size; it names file and field.
     """
-    for name, column in wanted.items():
-        if columns[name].dtype != column.dtype:
-            problem = f"it is {columns[name].dtype}, expected {column.dtype}"
-            raise InputError(path, f"column {name}", problem, _REMEDY)
+    for columns in read_blocks(path, {name: column.shape for name, column in wanted.items()}, schema):
+        for name, column in wanted.items():
+            if columns[name].dtype != column.dtype:
+                problem = f"it is {columns[name].dtype}, expected {column.dtype}"
+                raise InputError(path, f"column {name}", problem, _REMEDY)
+        yield columns
 
 
 def write_about(

@@ -13,13 +13,12 @@ from pedpred.errors import InputError
 from pedpred.features import FeatureTable, StoredColumn
 from pedpred.files import translate_errors
 from pedpred.models.features import RowFormat
-from pedpred.storage.columns import PAIRS, count_rows, join_pairs, read_blocks, split_pairs, write_blocks
-from pedpred.storage.manifests import check_types, read_manifest_of, shapes_of, write_about
+from pedpred.storage.columns import PAIRS, count_rows, join_pairs, split_pairs, write_blocks
+from pedpred.storage.manifests import read_manifest_of, read_typed_blocks, write_about
 
 FEATURE_SCHEMA = 4
 _NEVER_REPEATED = ("time_s", "x_m", "y_m", "future")
 """Byte-stream-split makes these 5-45 % smaller, and those that hold their values up to 3 times larger."""
-_REMEDY = "Write it again"
 
 
 def columns_of(made_with: RowFormat) -> dict[str, StoredColumn]:
@@ -51,9 +50,8 @@ def write_shard(blocks: Iterable[FeatureTable], folder: Path, name: str) -> None
         folder: of the scene set.
         name: of the scene.
     """
-    path = folder / f"{name}.parquet"
     columns = (split_pairs(_ordered(block)) for block in blocks)
-    write_blocks(columns, path, FEATURE_SCHEMA, split=_NEVER_REPEATED)
+    write_blocks(columns, folder / f"{name}.parquet", FEATURE_SCHEMA, split=_NEVER_REPEATED)
 
 
 def _ordered(table: FeatureTable) -> dict[str, np.ndarray]:
@@ -90,7 +88,7 @@ def read_manifest(folder: Path) -> tuple[RowFormat, dict[str, str]]:
         InputError: the manifest is missing, damaged or of another schema version.
     """
     made_with, shards = read_manifest_of(folder, FEATURE_SCHEMA, "shards")
-    with translate_errors(partial(InputError, folder / "manifest.json", "shards", remedy=_REMEDY)):
+    with translate_errors(partial(InputError, folder / "manifest.json", "shards", remedy="Write it again")):
         return made_with, {name: str(shard["scene_sha256"]) for name, shard in shards.items()}
 
 
@@ -100,24 +98,17 @@ def has_rows(folder: Path) -> bool:
     Raises:
         InputError: the manifest or a shard is damaged.
     """
-    paths = [folder / f"{name}.parquet" for name in read_manifest(folder)[1]]
-    return any(count_rows(path) for path in paths)
+    return any(count_rows(folder / f"{name}.parquet") for name in read_manifest(folder)[1])
 
 
 def read_shard(folder: Path, name: str, made_with: RowFormat) -> FeatureTable:
-    """Read one scene's feature table; errors of `read_shard_blocks`."""
-    blocks = list(read_shard_blocks(folder, name, made_with))
-    return FeatureTable.join(blocks)
+    """Read one scene's feature table; errors of `read_typed_blocks`."""
+    return FeatureTable.join(list(read_shard_blocks(folder, name, made_with)))
 
 
 def read_shard_blocks(folder: Path, name: str, made_with: RowFormat) -> Iterator[FeatureTable]:
-    """Read one scene's feature table block by block, whole tracks each.
-
-    Raises:
-        InputError: the shard is damaged or of another schema version, or a column is missing or of
-            another type or size; it names file and field.
-    """
-    for columns in _blocks(folder / f"{name}.parquet", columns_of(made_with)):
+    """Read one scene's feature table block by block, whole tracks each; errors of `read_typed_blocks`."""
+    for columns in read_typed_blocks(folder / f"{name}.parquet", columns_of(made_with), FEATURE_SCHEMA):
         table = join_pairs(columns)
         inputs = {column: table.pop(column) for column in made_with.features.columns()}
         yield FeatureTable(**table, inputs=inputs)
@@ -126,15 +117,8 @@ def read_shard_blocks(folder: Path, name: str, made_with: RowFormat) -> Iterator
 def read_crops(folder: Path, name: str, made_with: RowFormat) -> Iterator[np.ndarray]:
     """Read only the bit-packed crops of one scene, block by block: [m, cells^2 / 8] uint8."""
     wanted = {"occupancy": columns_of(made_with)["occupancy"]}
-    return (columns["occupancy"] for columns in _blocks(folder / f"{name}.parquet", wanted))
-
-
-def _blocks(
-    path: Path, wanted: Mapping[str, StoredColumn], version: int | None = FEATURE_SCHEMA
-) -> Iterator[dict[str, np.ndarray]]:
-    for columns in read_blocks(path, shapes_of(wanted), version):
-        check_types(path, columns, wanted)
-        yield columns
+    blocks = read_typed_blocks(folder / f"{name}.parquet", wanted, FEATURE_SCHEMA)
+    return (columns["occupancy"] for columns in blocks)
 
 
 def write_embeddings(blocks: Iterable[np.ndarray], folder: Path, name: str) -> None:
@@ -143,6 +127,6 @@ def write_embeddings(blocks: Iterable[np.ndarray], folder: Path, name: str) -> N
 
 
 def read_embeddings(folder: Path, name: str) -> Iterator[np.ndarray]:
-    """Read the encoder's outputs of one scene, block by block: [m, C] float16; errors of `read_blocks`."""
-    wanted = {"embedding": StoredColumn("float16", (-1,))}
-    return (columns["embedding"] for columns in _blocks(folder / f"{name}.parquet", wanted, version=None))
+    """Read the encoder's outputs of one scene, block by block: [m, C] float16."""
+    blocks = read_typed_blocks(folder / f"{name}.parquet", {"embedding": StoredColumn("float16", (-1,))})
+    return (columns["embedding"] for columns in blocks)

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from pedpred.errors import InputError
 from pedpred.features import StoredColumn
-from pedpred.files import translate_errors
 from pedpred.models.features import RowFormat
-from pedpred.storage.columns import read_columns, write_blocks
-from pedpred.storage.manifests import check_types, read_manifest_of, shapes_of, write_about
+from pedpred.storage.columns import write_blocks
+from pedpred.storage.manifests import read_manifest_of, read_typed_blocks, write_about
 
 SITUATION_SCHEMA = 2
-_REMEDY = "Write it again"
 
 
 def situation_columns(made_with: RowFormat) -> dict[str, StoredColumn]:
@@ -58,9 +54,7 @@ def read_situations_manifest(folder: Path) -> tuple[RowFormat, list[str]]:
     Raises:
         InputError: the manifest is missing, damaged or of another schema version.
     """
-    made_with, names = read_manifest_of(folder, SITUATION_SCHEMA, "names")
-    with translate_errors(partial(InputError, folder / "manifest.json", "names", remedy=_REMEDY)):
-        return made_with, [str(name) for name in names]
+    return read_manifest_of(folder, SITUATION_SCHEMA, "names")
 
 
 def read_situations(folder: Path, name: str, made_with: RowFormat) -> dict[str, np.ndarray]:
@@ -74,6 +68,5 @@ def read_situations(folder: Path, name: str, made_with: RowFormat) -> dict[str, 
             another type or size; it names file and field.
     """
     path, wanted = folder / f"{name}.parquet", situation_columns(made_with)
-    columns = read_columns(path, shapes_of(wanted), SITUATION_SCHEMA)
-    check_types(path, columns, wanted)
-    return columns
+    blocks = list(read_typed_blocks(path, wanted, SITUATION_SCHEMA))
+    return {column: np.concatenate([block[column] for block in blocks]) for column in wanted}

@@ -14,7 +14,7 @@ import pandas as pd
 import torch
 from torch.optim.swa_utils import AveragedModel
 
-from pedpred.datasets.rows import EMBEDDED, TrainingRows
+from pedpred.datasets.rows import EMBEDDED, TrainingRows, load_instants, load_sequences
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.files import atomic_write, translate_errors
 from pedpred.models.contract import ForecastNetwork, NetworkSettings
@@ -23,13 +23,13 @@ from pedpred.models.registry import describe_network, is_network
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.training.distributed import DistributedContext
 from pedpred.training.instants import InstantSettings
+from pedpred.training.learner import FitSettings
 from pedpred.training.loop import scratch_folder, train
-from pedpred.training.sequences import SequenceSettings
 
 
 def load_rows(
     architecture: NetworkSettings,
-    settings: SequenceSettings | InstantSettings,
+    settings: FitSettings,
     folders: Mapping[str, Path],
     embeddings: Mapping[str, Path],
     autoencoder: Path,
@@ -43,11 +43,13 @@ def load_rows(
         embeddings: set -> the frozen encoder's outputs there; read only if the network reads the grid.
         autoencoder: checkpoint of that encoder; likewise.
     """
+    if isinstance(settings, InstantSettings):
+        return load_instants(folders)
     if EMBEDDED not in architecture.channels_read:
-        return settings.load(folders, None)
-    rows, encoder = settings.load(folders, embeddings), load_encoder(autoencoder)
+        return load_sequences(folders)
+    rows, encoder = load_sequences(folders, embeddings), load_encoder(autoencoder)
     free = np.zeros((1, encoder.sides[0] ** 2 // 8), np.uint8)  # unmapped ground is free
-    return replace(rows, nothing={EMBEDDED: torch.from_numpy(encode(encoder, free)[0])})
+    return replace(rows, empty={EMBEDDED: torch.from_numpy(encode(encoder, free)[0])})
 
 
 def initialise(
@@ -84,7 +86,7 @@ def fit(
     architecture: NetworkSettings,
     previous: Path | None,
     rows: TrainingRows,
-    settings: SequenceSettings | InstantSettings,
+    settings: FitSettings,
     title: str,
     context: DistributedContext,
 ) -> tuple[ForecastNetwork, pd.DataFrame, dict[str, Any]]:

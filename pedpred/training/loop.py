@@ -163,7 +163,7 @@ def _validate(learner: Learner, progress: Progress, train_loss: float) -> str:
     figures = learner.validate()
     learner.network.train()
     if learner.best_by and figures[learner.best_by] < progress.lowest(learner.best_by):
-        progress.best = {k: v.detach().clone() for k, v in learner.network.state_dict().items()}
+        progress.best = {k: v.clone() for k, v in learner.network.state_dict().items()}
     row = {"epoch": len(progress.curve), "step": progress.step, "train_loss": train_loss}
     progress.curve.append(row | figures)
     return "".join(f"{name} {value:.3f}" for name, value in list(figures.items())[:1])
@@ -215,7 +215,7 @@ def save_progress(folder: Path | None, progress: Progress, learner: Learner) -> 
         tensors |= {f"optimizer.{index}.{k}": v for k, v in moments.items()}
     about = {"about": json.dumps({"step": progress.step, "curve": progress.curve})}
     with atomic_write(folder / "progress.safetensors") as new:
-        new.write_bytes(save({k: v.detach().clone().contiguous() for k, v in tensors.items()}, about))
+        new.write_bytes(save({k: v.clone().contiguous() for k, v in tensors.items()}, about))
 
 
 def load_progress(folder: Path | None, learner: Learner) -> Progress | None:

@@ -30,22 +30,6 @@ class Schedule(Settings):
     seed: Annotated[int, In(f"[0, {LARGEST_SEED}]")]
 
 
-@dataclass(frozen=True, kw_only=True)
-class FitSettings(Schedule):
-    """What the trainings of all networks have in common.
-
-    Attributes:
-        clip_norm: largest gradient norm.
-        weight_decay: decoupled weight decay (the paper's lambda).
-        runs: trainings from the same weights, each with the next seed; the network gets the mean of their
-            weights, which depends less on the seed (Wortsman et al. 2022).
-    """
-
-    clip_norm: Annotated[float, In("(0, 1e6]")]
-    weight_decay: Annotated[float, In("[0, 1]")]
-    runs: Annotated[int, In("[1, 1000]")] = 1
-
-
 def learning_rate(step: int, steps: int, peak: float, warmup_steps: int, final_share: float = 0.01) -> float:
     """Linear warm-up to `peak`, then half a cosine down to `final_share * peak`."""
     if step < warmup_steps:

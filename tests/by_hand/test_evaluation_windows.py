@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from pedpred.errors import ValueRuleError
@@ -20,7 +21,7 @@ from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import write_scene
 from pedpred.tracking import KalmanBank, KalmanSettings
-from tests.by_hand.test_evaluation import table_of
+from tests.by_hand.tables import table_of
 from tests.forecasts import drawn_predictions, windows_with
 from tests.simulated import SETTINGS as WALKING
 from tests.worlds import empty_map
@@ -218,6 +219,9 @@ def test_windows_are_read_as_written_in_single_precision(grids, tmp_path):
     given = some_windows(time_s=np.array([1 / 3, 7.0]), velocity=np.array([[0.1, 0.7], [2, 3]]), **none)
     given = replace(given, predictions=methods_of(np.random.default_rng(1)))
     write_windows(given, tmp_path / "hall.parquet")
+    columns = pq.read_schema(tmp_path / "hall.parquet").names
+    several = {f"modes_{name}" for name in given.predictions if name[0] != "1"}
+    assert {name for name in columns if name.startswith("modes_")} == several
     found = read_windows(tmp_path / "hall.parquet")
     for name in (*SEEN, "packed_grid", "angular_grid_m"):
         np.testing.assert_array_equal(getattr(found, name), getattr(given, name), err_msg=name)

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pedpred.errors import ShapeError
+from pedpred.errors import ValueRuleError
 from pedpred.features import (
     FeatureTable,
     ForecastProtocol,
@@ -293,5 +293,5 @@ def test_rows_are_joined_and_selected_with_their_inputs():
         np.testing.assert_array_equal(values, whole[[6, 2, 4]])
     assert "inputs" not in picked.columns
     assert (len(picked.columns), len(picked.inputs)) == (12, 3)
-    with pytest.raises(ShapeError):
+    with pytest.raises(ValueRuleError):
         replace(table, inputs={"there": np.zeros(7)})

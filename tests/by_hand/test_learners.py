@@ -11,24 +11,19 @@ import torch
 from torch import nn
 
 from pedpred.datasets.lanes import LaneBatch
-from pedpred.datasets.rows import Spans
 from pedpred.models.contract import ForecastNetwork, Loss
-from pedpred.models.lstm.augmentation import Augmentation, augment
 from pedpred.models.mixture.features import MixtureFeatures
-from pedpred.models.mixture.masking import InputMasking, mask
 from pedpred.training import instants
+from pedpred.training.augmentation import Augmentation, augment
 from pedpred.training.distributed import ALONE, DistributedContext
-from pedpred.training.instants import InstantLearner, InstantSettings, mix_shares
+from pedpred.training.instants import InstantSettings
 from pedpred.training.loop import train_step
-from pedpred.training.sequences import SequenceLearner, SequenceSettings
-from tests.exported import LSTM_ROWS, MIXTURE_ROWS, rows_of
+from pedpred.training.masking import InputMasking, mask
+from pedpred.training.sequences import SequenceSettings
+from pedpred.training.sets import RealShare
+from tests.by_hand.rows import DT_S, FIT, SEQUENCES, STEPS, data_of
+from tests.exported import MIXTURE_ROWS, train_on
 
-DT_S = 0.4
-STEPS = 3
-EDGES = np.array([0, 6, 9, 16, 20])
-SEQUENCES = np.stack([EDGES[:-1], EDGES[1:]], axis=-1)
-FIT = {"steps": 5, "validate_every": 1, "lr": 0.25, "warmup_steps": 2, "seed": 11}
-FIT |= {"clip_norm": 1e6, "weight_decay": 0.125}
 LANES = {"lanes": 2, "sub_sequence": 3, "longest_track": 100, "validation_by": "track"}
 HOW = SequenceSettings(**FIT, **LANES, validation_share=0.3)
 INSTANTS = InstantSettings(**FIT, rows=12, shares={"a": 6.0, "b": 2.0}, validation_share=0.3)
@@ -76,25 +71,12 @@ class Leaky(ForecastNetwork):
         return outputs
 
     def clipped_groups(self):
-        return [[self.keep], [self.gain]]
-
-
-def data_of(made_with=LSTM_ROWS, sets=("a",), part=(0, 0, 0, 0), **channels):
-    """Four tracks, or worlds, of 6, 3, 7 and 4 rows, of which not all targets are known."""
-    rng = np.random.default_rng(0)
-    state = torch.from_numpy(rng.normal(size=(20, 2)).astype(np.float32))
-    future = torch.from_numpy(rng.normal(size=(20, STEPS, 2)).astype(np.float32))
-    known = torch.tensor([3, 3, 2, 3, 1, 0, 3, 0, 2, 3, 3, 3, 1, 3, 3, 3, 2, 3, 3, 0])
-    spans = Spans(SEQUENCES, np.array(part), np.arange(4), np.arange(4))
-    protocol = replace(made_with.protocol, dt_s=DT_S, horizon_steps=STEPS)
-    made_with = replace(made_with, protocol=protocol)
-    data = rows_of(state, future, 4, made_with, spans=spans, future_steps=known, **channels)
-    return replace(data, sets=sets)
+        return [[self.keep], [self.gain]] if self.remembers else super().clipped_groups()
 
 
 def sequence_learner(context=ALONE, **changes):
     how = replace(HOW, **changes)
-    return SequenceLearner(Leaky(), data_of(), SEQUENCES[:2], SEQUENCES[1:], how, context)
+    return train_on(Leaky(), data_of(), SEQUENCES[:2], SEQUENCES[1:], how, context)
 
 
 def instant_learner(context=ALONE, **changes):
@@ -104,7 +86,8 @@ def instant_learner(context=ALONE, **changes):
     channels = {name: torch.rand(shape) for name, shape in shapes.items()}
     made_with = replace(MIXTURE_ROWS, features=sizes)
     data = data_of(made_with, ("a", "b"), (0, 1, 0, 1), **channels)
-    return InstantLearner(Leaky(remembers=False), data, replace(INSTANTS, **changes), context)
+    data = replace(data, future_steps=torch.full((20,), STEPS))
+    return replace(INSTANTS, **changes).learner(Leaky(remembers=False), data, context)
 
 
 def unrolled(inputs, future, known, h):
@@ -227,7 +210,7 @@ def test_batches_of_a_step_depend_on_its_number_alone():
 @pytest.mark.parametrize("at_once", [2, 32])
 def test_sequences_are_validated_by_a_mean_over_windows(monkeypatch, at_once):
     """Of rows 6 to 19, those count whose three targets are all known, in however many blocks."""
-    monkeypatch.setattr("pedpred.models.rolling._STEPS_AT_ONCE", at_once)
+    monkeypatch.setattr("pedpred.training.sequences._STEPS_AT_ONCE", at_once)
     learner = sequence_learner()
     x, y = (values.double().numpy() for values in (learner.data.channels["state"], learner.data.future))
     far = {}
@@ -256,9 +239,7 @@ def test_processes_divide_the_validation(monkeypatch):
 
     monkeypatch.setattr(torch.distributed, "all_reduce", adding)
     for rank in (0, 1):
-        learner = sequence_learner()
-        learner.context = DistributedContext(torch.device("cpu"), rank=rank, size=2)
-        found = learner.validate()
+        found = sequence_learner(DistributedContext(ALONE.device, rank=rank, size=2)).validate()
     assert found == pytest.approx(whole)
     assert [float(values[-1]) for values in sums] == [9.0, 18.0]  # steps of windows, as they lie
 
@@ -268,8 +249,8 @@ def test_sequences_are_divided_by_the_seed():
     learners = [replace(HOW, seed=seed).learner(Leaky(), data, ALONE) for seed in range(6)]
     for seed, learner in enumerate(learners):
         held = np.random.default_rng(seed).permutation(4)[:1]  # 30 % of four tracks
-        np.testing.assert_array_equal(learner.validation, SEQUENCES[held])
-        np.testing.assert_array_equal(learner.training, np.delete(SEQUENCES, held, axis=0))
+        np.testing.assert_array_equal(learner.sampler.validation, SEQUENCES[held])
+        np.testing.assert_array_equal(learner.sampler.training, np.delete(SEQUENCES, held, axis=0))
 
 
 def test_the_loss_of_instants_counts_all_targets_of_masked_rows():
@@ -283,7 +264,7 @@ def test_the_loss_of_instants_counts_all_targets_of_masked_rows():
     assert int(found.weight) == 5 * STEPS
     _, seen = learner.network.asked[-1]
     rng = np.random.default_rng([11, 4, 1])  # seed, step and rank
-    for name, values in mask(data.inputs(torch.from_numpy(rows)), how, FREE_M, rng).items():
+    for name, values in mask(data.inputs(torch.from_numpy(rows)), how, {"beams": FREE_M}, rng).items():
         assert torch.equal(seen[name], values)
     assert (seen["beams"] == FREE_M).any()
 
@@ -292,7 +273,7 @@ def test_the_loss_of_instants_counts_all_targets_of_masked_rows():
 def test_instants_are_validated_by_a_mean_over_rows(monkeypatch, at_once):
     monkeypatch.setattr(instants, "_ROWS_AT_ONCE", at_once)
     learner = instant_learner(validation_share=0.5)
-    rows, data = learner.validation, learner.data
+    rows, data = learner.sampler.validation, learner.data
     x, y = (values.double().numpy()[rows] for values in (data.channels["state"], data.future))
     far = np.linalg.norm(np.array(GAIN) * x[:, None] - y, axis=-1) * DT_S
     assert len(far) == 11  # a whole world of 7 and one of 4
@@ -300,7 +281,7 @@ def test_instants_are_validated_by_a_mean_over_rows(monkeypatch, at_once):
         {"validation_far_m": far.mean(), "validation_square": (far**2).mean()}, rel=1e-5
     )
     nothing = instant_learner(validation_share=0.0)
-    assert len(nothing.validation) == 0
+    assert len(nothing.sampler.validation) == 0
     assert all(math.isnan(value) for value in nothing.validate().values())
 
 
@@ -312,28 +293,30 @@ def test_worlds_of_a_set_are_learned_or_kept_as_a_whole():
     for name, worlds in {"a": [range(6), range(9, 16)], "b": [range(6, 9), range(16, 20)]}.items():
         held = rng.permutation(2)[0]
         training[name], kept = [*worlds[1 - held]], [*kept, *worlds[held]]
-    assert {name: rows.tolist() for name, rows in learner.training.items()} == training
-    assert learner.validation.tolist() == kept
+    assert {name: rows.tolist() for name, rows in learner.sampler.training.items()} == training
+    assert learner.sampler.validation.tolist() == kept
 
 
 def test_rows_of_a_step_are_drawn_by_shares():
     """Of 12 rows 9 are expected from a and 3 from b, however many rows they have; nothing from c."""
     learner = instant_learner(validation_share=0.0)
-    counts = [np.isin(rows, learner.training["a"]).sum() for rows in islice(learner.batches(0), 400)]
+    counts = [np.isin(rows, learner.sampler.training["a"]).sum() for rows in islice(learner.batches(0), 400)]
     assert np.mean(counts) == pytest.approx(9.0, abs=0.3)
     assert np.var(counts) == pytest.approx(12 * 0.75 * 0.25, rel=0.3)  # binomial
     other = instant_learner(validation_share=0.0, shares={"b": 5.0, "c": 3.0})
     rows = np.concatenate(list(islice(other.batches(0), 20)))
-    assert set(rows) == set(other.training["b"])
+    assert set(rows) == set(other.sampler.training["b"])
     whole = list(islice(learner.batches(2), 3))
     np.testing.assert_array_equal(next(learner.batches(4)), whole[2])
     assert not np.array_equal(whole[0], whole[1])
-    first = [np.isin(rows[:6], learner.training["a"]).mean() for rows in islice(learner.batches(0), 200)]
+    first = [
+        np.isin(rows[:6], learner.sampler.training["a"]).mean() for rows in islice(learner.batches(0), 200)
+    ]
     assert np.mean(first) == pytest.approx(0.75, abs=0.05)  # each process's part is mixed
 
 
 def test_shares_of_simulated_and_real_sets():
-    shares = mix_shares({"s": 3.0, "t": 1.0}, ["x", "y", "z"], 0.4)
+    shares = RealShare(real_share=0.4).mixed({"s": 3.0, "t": 1.0}, {"x": 1, "y": 20, "z": 300})
     assert shares == pytest.approx({"s": 0.45, "t": 0.15, **dict.fromkeys("xyz", 0.4 / 3)})
-    assert mix_shares({"s": 3.0, "t": 2.0}, [], 0.4) == pytest.approx({"s": 0.6, "t": 0.4})
-    assert mix_shares({"s": 3.0}, ["x"], 1.0) == {"s": 0.0, "x": 1.0}
+    assert RealShare(real_share=0.4).mixed({"s": 3.0, "t": 2.0}, {}) == pytest.approx({"s": 0.6, "t": 0.4})
+    assert RealShare(real_share=1.0).mixed({"s": 3.0}, {"x": 5}) == {"s": 0.0, "x": 1.0}

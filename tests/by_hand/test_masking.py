@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from pedpred.errors import ValueRuleError
-from pedpred.models.mixture.masking import InputMasking, mask
+from pedpred.training.masking import InputMasking, mask
+from tests.refused import refused
 
 ROWS = 8000
 
@@ -15,7 +15,7 @@ def masked(**shares):
     inputs = {"state": torch.ones(ROWS, 2), "beams": torch.full((ROWS, 4), 2.5)}
     inputs |= {"neighbours": torch.full((ROWS, 20), 3.5), "history": torch.full((ROWS, 15), 4.5)}
     inputs |= {"track": torch.full((ROWS, 6), 5.5)}
-    found = mask(inputs, InputMasking(**shares), 7.0, np.random.default_rng(5))
+    found = mask(inputs, InputMasking(**shares), {"beams": 7.0}, np.random.default_rng(5))
     assert {name: values.shape for name, values in found.items()} == {
         name: values.shape for name, values in inputs.items()
     }
@@ -61,5 +61,5 @@ def test_nothing_is_masked_by_default_and_each_share_alone():
     past = masked(past_share=1.0)[2]
     assert not past[:, 0].any()
     np.testing.assert_allclose(past.mean(axis=0), np.arange(5) / 5, atol=0.02)
-    with pytest.raises(ValueRuleError, match="missed"):
+    with refused("missed"):
         InputMasking(missed=1.1)

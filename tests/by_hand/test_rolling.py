@@ -10,12 +10,14 @@ from pedpred.datasets.rows import Spans
 from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
-from pedpred.forecasting.chain import Chain, forecast_blocks
+from pedpred.forecasting.blocks import forecast_blocks
+from pedpred.forecasting.postprocessing import Postprocessing
 from pedpred.models.forecaster import NetworkForecaster
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.features import LstmFeatures
-from pedpred.models.rolling import recall, rolled
+from pedpred.models.rolling import outputs_at_instants
 from pedpred.scenes import Predictions, Scene, Trajectories
+from pedpred.training.sequences import run_over_sequences
 from tests.exported import TRACKER, rows_of
 from tests.toys.architecture import ToyNetwork, ToySettings
 from tests.worlds import blocked
@@ -63,7 +65,7 @@ def test_whole_tracks_are_rolled_with_their_memory(lengths):
     )
     network, found = toy(), np.full((len(state), STEPS, 2), np.nan)
     counts = np.zeros(len(state), int)
-    for rows, outputs in rolled(network, data, spans):
+    for rows, outputs in run_over_sequences(network, data, spans):
         assert outputs.keys() == {"velocities"}
         found[rows] = outputs["velocities"]
         counts[rows] += 1
@@ -80,19 +82,19 @@ def test_tracks_of_similar_length_are_rolled_together():
     data = rows_of(
         torch.from_numpy(state), torch.zeros(len(state), STEPS, 2), 1, angular=torch.from_numpy(angular)
     )
-    sizes = [len(rows) for rows, _ in rolled(toy(), data, spans)]
+    sizes = [len(rows) for rows, _ in run_over_sequences(toy(), data, spans)]
     assert sizes == [2 * 32 + 254, 2 * 32, 2 * 6, 3]
 
 
 def recalled(network, lengths, instants):
-    """`recall` at instants (track, steps before, on a step), and the expected velocities."""
+    """`outputs_at_instants` at instants (track, steps before, on a step), and the expected velocities."""
     state, angular, spans = tracks(lengths)
     track, before, on_step = (np.array(column) for column in zip(*instants, strict=True))
     rng = np.random.default_rng(1)
     now = [rng.normal(size=(len(instants), width)).astype(np.float32) for width in (2, 3)]
     steps = {"state": torch.from_numpy(state), "angular": torch.from_numpy(angular)}
     asked = {"state": torch.from_numpy(now[0]), "angular": torch.from_numpy(now[1])}
-    found = recall(network, steps, asked, spans[track, 0], before, on_step.astype(bool))
+    found = outputs_at_instants(network, steps, asked, spans[track, 0], before, on_step.astype(bool))
     inputs, expected = np.concatenate([state, angular], axis=-1), []
     for i, (k, b, on) in enumerate(instants):
         first = spans[k, 0]
@@ -214,8 +216,8 @@ NO_LINK = (False, False, False)
         (0.4, (False, False, True)),
     ],
 )
-def test_networks_without_memory_forecast_through_the_chain(dt_s, choice):
-    """Own inputs, agent frame, then `forecast_blocks` with the same links; people in the order asked for."""
+def test_networks_without_memory_forecast_through_blocks(dt_s, choice):
+    """Own inputs, agent frame, then `forecast_blocks` likewise; people in the order asked for."""
     torch.manual_seed(0)
     network = Glance(ToySettings(4, ("state", "angular")), {"state": 2, "angular": 72}, STEPS)
     request = asked_along(dt_s, dt_s, (0.0, 0.0, 50.0 * dt_s), (40, 40, 20))
@@ -233,9 +235,9 @@ def test_networks_without_memory_forecast_through_the_chain(dt_s, choice):
     chosen, alone = (
         NetworkForecaster(network, LstmFeatures(4), None, *links)(request) for links in (choice, NO_LINK)
     )
-    chain = Chain(**dict(zip(("together", "learning", "trust"), choice, strict=True)), noise_m=0.15)
+    steps = Postprocessing(**dict(zip(("joint", "learning", "trust"), choice, strict=True)), noise_m=0.15)
     differs = False
-    for which, part in forecast_blocks(request, LstmFeatures(4), infer, chain):
+    for which, part in forecast_blocks(request, LstmFeatures(4), infer, steps):
         for name, values in part.arrays().items():
             np.testing.assert_allclose(getattr(chosen, name)[which], values, atol=1e-4, err_msg=name)
             differs |= np.abs(getattr(alone, name)[which] - values).max() > 0.01

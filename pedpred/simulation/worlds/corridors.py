@@ -17,7 +17,7 @@ from pedpred.simulation.worlds.drawing import (
     uniform,
 )
 from pedpred.simulation.worlds.floors import CELL_M, Area, Floor, ground_cells, paint_disc, paint_rectangle
-from pedpred.simulation.worlds.journeys import Stage
+from pedpred.simulation.worlds.journeys import WorldSetup
 from pedpred.simulation.worlds.streams import StreamSettings, draw_streams
 
 _ENTRANCE_M = 3.5  # length of the part of an arm where people come in
@@ -92,10 +92,10 @@ def draw_corridor(settings: CorridorSettings, rng: np.random.Generator) -> Floor
     return Floor(free, tuple(ends.values()), width_m, width_m, form == "cross")
 
 
-def set_up_corridor(settings: CorridorSettings, duration_s: float, rng: np.random.Generator) -> Stage:
+def set_up_corridor(settings: CorridorSettings, duration_s: float, rng: np.random.Generator) -> WorldSetup:
     """Draw a corridor and its people during some time (with the warm-up)."""
     floor = draw_corridor(settings, rng)
-    return Stage(floor, draw_streams(floor, settings.streams, duration_s, rng), whole_map=False)
+    return WorldSetup(floor, draw_streams(floor, settings.streams, duration_s, rng), whole_map=False)
 
 
 def _width(settings: CorridorSettings, rng: np.random.Generator) -> float:

@@ -107,7 +107,7 @@ class Visitors(NamedTuple):
     leave: bool
 
 
-class Stage(NamedTuple):
+class WorldSetup(NamedTuple):
     """A world before anybody walks.
 
     Attributes:

@@ -11,7 +11,7 @@ import numpy as np
 from pedpred.settings import In, Range, Settings
 from pedpred.simulation.worlds.drawing import check_shares, draw_name, uniform
 from pedpred.simulation.worlds.floors import Area, Floor, ground_cells, paint_disc, paint_rectangle
-from pedpred.simulation.worlds.journeys import Stage
+from pedpred.simulation.worlds.journeys import WorldSetup
 from pedpred.simulation.worlds.strolls import StrollSettings, draw_strolls
 
 _EDGE = 0.03  # distance of entrances from the edge, as a share of the side
@@ -72,10 +72,10 @@ def draw_square(settings: SquareSettings, rng: np.random.Generator) -> Floor:
     return Floor(free, tuple(entrances), float(size.min()), float(size.min()))
 
 
-def set_up_square(settings: SquareSettings, duration_s: float, rng: np.random.Generator) -> Stage:
+def set_up_square(settings: SquareSettings, duration_s: float, rng: np.random.Generator) -> WorldSetup:
     """Draw a square and its people during some time (with the warm-up)."""
     floor = draw_square(settings, rng)
-    return Stage(floor, draw_strolls(floor, settings.strolls, duration_s, rng), whole_map=True)
+    return WorldSetup(floor, draw_strolls(floor, settings.strolls, duration_s, rng), whole_map=True)
 
 
 def _place_posts(

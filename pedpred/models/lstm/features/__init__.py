@@ -72,6 +72,10 @@ class LstmFeatures(Settings):
         """See `ModelFeatures`; the encoder's embedding of the crop is the channel "grid"."""
         return {"state": stored["state"], "angular": self.closeness(stored["angular_grid"])}
 
+    def empty_channels(self) -> dict[str, float]:
+        """See `ModelFeatures`; the embedding of an empty crop is known to the encoder alone."""
+        return {}
+
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """See `ModelFeatures`."""
         return {"state": (2,), "crop": (self.grid_cells, self.grid_cells), "angular": (self.angular_cells,)}

@@ -100,6 +100,10 @@ class MixtureFeatures(Settings):
         """See `ModelFeatures`; they are stored as the network reads them."""
         return dict(stored)
 
+    def empty_channels(self) -> dict[str, float]:
+        """See `ModelFeatures`."""
+        return {"beams": self.beam_range_m}
+
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """See `ModelFeatures`."""
         return {name: column.shape for name, column in self.columns().items()}
