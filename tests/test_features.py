@@ -242,7 +242,7 @@ def test_online_equals_offline_bit_by_bit(source):
         last = np.flatnonzero(np.diff(tracks.track_id, append=-1))
         last = last[tracks.time_s[last] >= now - max_age_s]
         frame = pedestrians_at(tracks, last, np.full(len(last), now))
-        around, now_s = Neighbours.together(frame, len(frame)), np.full(len(frame), now)
+        around, now_s = Neighbours.of_crowd(frame, len(frame)), np.full(len(frame), now)
         seen = FEATURES.compute(Surroundings.of(tracks, last, now_s, around, scene.occupancy), 0.3)
         rows = np.flatnonzero(table.time_s == now)
         who = np.searchsorted(frame.track_id, table.track_id[rows])

@@ -65,7 +65,7 @@ class Neighbours:
     span: np.ndarray
 
     @classmethod
-    def together(cls, present: Pedestrians, observers: int) -> Neighbours:
+    def of_crowd(cls, present: Pedestrians, observers: int) -> Neighbours:
         """Everybody present at one instant, the same for all observers."""
         span = np.empty((observers, 2), np.int64)
         span[:] = 0, len(present)

@@ -84,7 +84,7 @@ class NetworkSteps:
         lately = time_s - people.seen_s <= self._max_age_s
         everybody = lately.all() and len(observers) == len(people)
         crowd = observers if everybody else people.at(np.flatnonzero(lately), time_s)
-        around = Neighbours.together(crowd, len(observers))
+        around = Neighbours.of_crowd(crowd, len(observers))
         past = past_of(people.past, rows, people.seen_s, people.detection, people.covariance)
         seen = Surroundings(observers, past, np.full(len(observers), time_s), around, ground)
         features = self._about.features

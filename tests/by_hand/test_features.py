@@ -279,7 +279,7 @@ def test_neighbours_are_extrapolated_to_each_instant():
     np.testing.assert_array_equal(seen.observers.heading_rad, HEADING[[2, 7]])
     np.testing.assert_array_equal(seen.past.seen, SEEN[[2, 7]])
     frame = pedestrians_at(tracks_of(), np.array([1, 5, 7]), np.array([1.4, 5.3, 1.02]))
-    both = Neighbours.together(frame, 2)
+    both = Neighbours.of_crowd(frame, 2)
     assert both.span.tolist() == [[0, 3], [0, 3]]
     np.testing.assert_array_equal(both.velocity, PACE[[1, 5, 7]])
 
