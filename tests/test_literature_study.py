@@ -114,7 +114,7 @@ def test_a_memory_begins_with_the_window_and_reads_all_8_annotations():
     for w, track in enumerate(asked.track_id):
         steps = clock.select(np.flatnonzero(clock.track_id == track))
         np.testing.assert_array_equal(steps.step, np.arange(8))
-        np.testing.assert_allclose(steps.last_position[0], seen_path(windows, w)[0])
+        np.testing.assert_allclose(request.past.detection[steps.row[0]], seen_path(windows, w)[0])
         seen = request.inputs(features, request.past.last_row(steps.track_id, steps.time_s), steps.time_s)
         assert not seen["occupancy"].any()  # no map
         channels = features.channels(seen) | {"grid": encode(encoder, seen["occupancy"])}

@@ -15,7 +15,7 @@ from PIL import Image
 
 from pedpred.datasets.rows import load_sequences
 from pedpred.errors import InputError
-from pedpred.features import extract, extract_blocks
+from pedpred.features import extract_blocks
 from pedpred.models.lstm.features.grids import unpack_crops
 from pedpred.storage.columns import read_columns, split_pairs, write_blocks
 from pedpred.storage.scenes import write_scene
@@ -31,7 +31,7 @@ from pedpred.storage.shards import (
 )
 from tests.conftest import ROOT
 from tests.exported import LSTM_ROWS
-from tests.worlds import tracked, walled_scene
+from tests.worlds import extract, tracked, walled_scene
 
 SIZES = LSTM_ROWS.protocol, LSTM_ROWS.features
 
