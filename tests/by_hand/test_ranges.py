@@ -3,6 +3,8 @@
 import math
 
 import pytest
+from pedpred.sequences import SequenceSets
+from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 
 from pedpred.datasets.crops import CropSplit
 from pedpred.datasets.lanes import SplitSettings
@@ -14,9 +16,7 @@ from pedpred.features.perception import Following
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.mixture.network import MixtureSettings
-from pedpred.sequences import SequenceSets
 from pedpred.settings import load
-from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.training import AutoencoderSettings
 from pedpred.training.augmentation import Augmentation
 from pedpred.training.distributed import ThreadSettings
