@@ -35,8 +35,8 @@ from pedpred.driving.figures import Episodes, equal_time, share_interval
 from pedpred.driving.forecasters import Forecaster, PresentMotion
 from pedpred.driving.loop import drive
 from pedpred.driving.measures import measure
+from pedpred.driving.places import KINDS, REACTIONS, Worlds
 from pedpred.driving.table import Condition, Row
-from pedpred.driving.worlds import KINDS, REACTIONS, Worlds
 from pedpred.errors import user_errors
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.caution import YOUNG_S

@@ -39,7 +39,7 @@ def standing(frame: Pedestrians, occupancy: OccupancyMap) -> Surroundings:
     rows, none = len(frame), np.zeros(0)
     span, pairs = np.zeros((rows, 2), np.int64), np.zeros((rows, 2))
     past = Past(none, np.zeros((0, 2)), span, np.zeros(rows), frame.position, pairs, np.zeros((rows, 3)))
-    return Surroundings(frame, past, np.zeros(rows), Neighbours.together(frame, rows), occupancy)
+    return Surroundings(frame, past, np.zeros(rows), Neighbours.of_crowd(frame, rows), occupancy)
 
 
 def both_grids(frame: Pedestrians, occupancy: OccupancyMap) -> dict[str, np.ndarray]:

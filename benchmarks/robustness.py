@@ -34,15 +34,12 @@ from benchmarks.people import (
     write_jupedsim,
 )
 from benchmarks.tables import check_options_of_page, show, write_tables
-from pedpred.baselines.kalman import kalman_velocity
-from pedpred.baselines.present_motion import PRESENT_MOTION
-from pedpred.command.evaluation import IsolatedTracks
+from pedpred.baselines.present_motion import PRESENT_MOTION, kalman_velocity
+from pedpred.command.evaluation import isolating_shifts, shift_times
 from pedpred.command.prediction import predictor_for
 from pedpred.command.recordings import open_scene
 from pedpred.errors import user_errors
-from pedpred.evaluation import EvaluationSettings
-from pedpred.evaluation.scores import integrate_truth
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation import EvaluationSettings, find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception, sensed
 from pedpred.metrics import METRICS
@@ -121,7 +118,7 @@ def noise(options: argparse.Namespace, alone: bool = False) -> Iterator[Row]:
         people = scene.trajectories
         people = people.select(people.time_s < people.time_s.min() + options.seconds)
         if alone:
-            people = IsolatedTracks.of(people).shifted(people)
+            people = shift_times(people, isolating_shifts(people))
             scene = replace(scene, occupancy=OccupancyMap.free_around(people.position))
         scene = replace(scene, trajectories=people)
         rate_hz = options.detections if 1.0 / scene.detection_dt_s > options.detections else 0.0
@@ -176,8 +173,8 @@ def best_filter_m(scene: Scene, sensor: SensorSettings) -> float:
     errors = []
     for q in np.geomspace(1e-4, 3.0, 12):
         how = Perception(KalmanSettings(float(q), noise_m), 0.2, sensor)
-        request = ask_about_windows(scene, how, sizes, memory=False)
-        miss = kalman_velocity()(request).mean - integrate_truth(request.asked, sizes.dt_s)
+        windows = find_windows(scene, how, sizes, memory=False)
+        miss = kalman_velocity()(windows.request).mean - windows.truth
         errors.append(np.linalg.norm(miss, axis=-1).mean())
     return float(min(errors))
 
@@ -239,15 +236,15 @@ def ahead_m(scene: Scene, model: Path | None) -> dict[str, np.ndarray]:
     """Displacement of each window along the heading at the horizon, m, and its speed, m/s. [W] each."""
     age_s = predictor_for(scene, None).settings.max_age_s
     predictor = OnlinePredictor.load(model, OnlineSettings(age_s, learn_trust=False))
-    sizes = predictor.protocol
     how = Perception(predictor.filters, predictor.description.standstill_mps)
-    request = replace(ask_about_windows(scene, how, sizes, memory=False), tracker=None)
+    windows = find_windows(scene, how, predictor.protocol, memory=False)
+    request = replace(windows.request, tracker=None)
     asked = request.asked
     heading = np.stack([np.cos(asked.heading_rad), np.sin(asked.heading_rad)], axis=-1)
     network = np.empty((len(asked.time_s), 2))
     for which, forecast in forecasts_by_instants(predictor, request, scene):
         network[which] = forecast.mean[:, -1]
-    ends = {"truth": integrate_truth(asked, sizes.dt_s)[:, -1], "network": network}
+    ends = {"truth": windows.truth[:, -1], "network": network}
     ends["cv"] = PRESENT_MOTION["cv"]()(request).mean[:, -1]
     along = {name: ((end - asked.position) * heading).sum(axis=-1) for name, end in ends.items()}
     return along | {"speed": np.hypot(*asked.velocity.T)}

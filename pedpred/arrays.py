@@ -13,16 +13,6 @@ import numpy as np
 from pedpred.errors import ValueRuleError
 
 _REAL = "iuf"
-_RULES = {
-    "b": "it must be numbers, not true or false",
-    "c": "it must be real numbers: decide what the imaginary part means",
-    "S": "it must be numbers, not text: convert it first",
-    "U": "it must be numbers, not text: convert it first",
-    "M": "it must be numbers, not dates: convert them to seconds",
-    "m": "it must be numbers, not durations: convert them to seconds",
-}
-_OTHERS = "it must be numbers, as many in each row, none of them missing: convert objects first"
-_MASKED = "it must be numbers, none of them masked: leave out such rows, or fill them"
 
 
 def real_numbers(field: str, value: Any, kinds: str = _REAL) -> np.ndarray:
@@ -39,13 +29,13 @@ def real_numbers(field: str, value: Any, kinds: str = _REAL) -> np.ndarray:
     if type(value) is np.ndarray and value.dtype.kind in kinds:
         return value
     try:
-        if np.ma.isMaskedArray(value) and np.ma.getmaskarray(value).any():
-            raise ValueRuleError(field, value, _MASKED)
         array = np.asarray(value)
     except (OverflowError, RuntimeError, TypeError, ValueError) as cause:
-        raise ValueRuleError(field, value, _OTHERS) from cause
+        raise ValueRuleError(field, value, "it must be numbers, as many in each row") from cause
     if array.dtype.kind not in kinds:
-        raise ValueRuleError(field, value, _RULES.get(array.dtype.kind, _OTHERS))
+        raise ValueRuleError(field, value, f"it must be real numbers, not {array.dtype}: convert it first")
+    if np.ma.is_masked(value):
+        raise ValueRuleError(field, value, "it must be numbers, none of them masked")
     return array
 
 
@@ -59,11 +49,11 @@ def real_number(field: str, value: Any) -> float:
         return value
     try:
         array = real_numbers(field, value)
-        if not array.shape:
-            return float(array)
-    except (OverflowError, ValueRuleError) as cause:
+    except ValueRuleError as cause:
         raise ValueRuleError(field, value, "it must be one number") from cause
-    raise ValueRuleError(field, value, "it must be one number")
+    if array.shape:
+        raise ValueRuleError(field, value, "it must be one number")
+    return float(array)
 
 
 def read_only(values: np.ndarray, kind: type) -> np.ndarray:

@@ -58,10 +58,10 @@ class PedpredError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Restore message and attributes; constructors have other arguments than `args`."""
-        return _restored, (type(self), self.args), self.__dict__
+        return _restore, (type(self), self.args), self.__dict__
 
 
-def _restored(kind: type[PedpredError], args: tuple[Any, ...]) -> PedpredError:
+def _restore(kind: type[PedpredError], args: tuple[Any, ...]) -> PedpredError:
     error = kind.__new__(kind)
     error.args = args
     return error
@@ -75,12 +75,9 @@ class ValueRuleError(PedpredError):
         self.field, self.value, self.rule = field, value, rule
 
 
-class ShapeError(PedpredError):
-    """An array has the wrong shape."""
-
-    def __init__(self, field: str, shape: Sequence[int], expected: str):
-        super().__init__(f"{field} has shape {tuple(shape)}, expected {expected}")
-        self.field = field
+def shape_error(field: str, shape: Sequence[int], expected: str) -> ValueRuleError:
+    """Make the error of an array that has the wrong shape."""
+    return ValueRuleError(field, tuple(shape), f"its shape must be {expected}")
 
 
 class ConfigError(PedpredError):

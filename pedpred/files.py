@@ -25,15 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pedpred.errors import (
-    NO_ROOM,
-    ROOM_REMEDY,
-    InputError,
-    OutputError,
-    PedpredError,
-    ShapeError,
-    ValueRuleError,
-)
+from pedpred.errors import NO_ROOM, ROOM_REMEDY, InputError, OutputError, PedpredError, ValueRuleError
 from pedpred.plain import parse_json, parse_yaml
 
 if TYPE_CHECKING:
@@ -46,10 +38,11 @@ SCRATCH = Path("build")
 """Folder for scratch data, on the project's disk: the system's temporary folder is often in memory."""
 
 _LARGEST_BYTES, _LARGEST_JSON_BYTES, _LARGEST_YAML_BYTES = 2**30, 2**22, 2**18
-_LONGEST_PROBLEM = 600
 _PICTURES = ("PNG", "PPM", "BMP", "JPEG", "TIFF")  # formats that are decoded here, not by another program
 _LEFTOVER_S = 86400.0
 """Age from which a temporary file is that of a killed writer."""
+_ALLOWED = {False: ("file",), True: ("folder",), None: ("file", "folder")}
+"""Whether a path is that of a folder -> what may be there."""
 
 Wording = Callable[[str], PedpredError]
 """Makes the error for a problem, with the file and the remedy."""
@@ -67,6 +60,9 @@ def as_path(field: str, value: Any) -> Path:
         raise ValueRuleError(field, value, "it must be a path: text or pathlib.Path") from cause
 
 
+# Reading
+
+
 @contextmanager
 def translate_errors(wording: Wording) -> Iterator[None]:
     """Translate any exception inside the block into an error that names the file; the cause is chained.
@@ -82,7 +78,7 @@ def translate_errors(wording: Wording) -> Iterator[None]:
     except (InputError, OutputError):
         raise
     except Exception as cause:
-        raise wording(" ".join(_problem(cause).split())[:_LONGEST_PROBLEM]) from cause
+        raise wording(" ".join(_problem(cause).split())) from cause
 
 
 def _problem(cause: Exception) -> str:
@@ -91,18 +87,6 @@ def _problem(cause: Exception) -> str:
     if isinstance(cause, FileNotFoundError):
         return f"there is no such file or folder{f': {cause.filename}' if cause.filename else ''}"
     return str(cause) if isinstance(cause, PedpredError) else f"{type(cause).__name__}: {cause}"
-
-
-def _kind(path: Path) -> str:
-    """Return what exists at a path: "file", "folder", "pipe or device", or "" for nothing."""
-    if not path.exists():
-        return ""
-    return "file" if path.is_file() else "folder" if path.is_dir() else "pipe or device"
-
-
-def _kinds(folder: bool | None) -> str:
-    """Name what may exist at a path; see `check_input`."""
-    return {False: "file", True: "folder", None: "file or folder"}[folder]
 
 
 def check_input(path: Path, folder: bool | None = None) -> None:
@@ -115,15 +99,17 @@ def check_input(path: Path, folder: bool | None = None) -> None:
     Raises:
         InputError: it is not.
     """
-    allowed = _kinds(folder)
-    try:
-        found = _kind(path)
-    except OSError as cause:
-        raise InputError(path, None, cause.strerror or str(cause), "Correct the name") from cause
-    if not found:
-        raise InputError(path, None, f"there is no such {allowed}", "Correct the name")
-    if found not in allowed:
-        raise InputError(path, None, f"it is a {found}", f"Name a {allowed}")
+    found, allowed = _kind(path), " or ".join(_ALLOWED[folder])
+    if found not in _ALLOWED[folder]:
+        problem = f"it is a {found}" if found else f"there is no such {allowed}"
+        raise InputError(path, None, problem, f"Name a {allowed}")
+
+
+def _kind(path: Path) -> str:
+    """Return what exists at a path: "file", "folder", "pipe or device", or "" for nothing."""
+    if not os.path.exists(path):  # which is false for impossible names
+        return ""
+    return "file" if path.is_file() else "folder" if path.is_dir() else "pipe or device"
 
 
 def read_bytes(path: Path, largest: int = _LARGEST_BYTES) -> bytes:
@@ -131,11 +117,11 @@ def read_bytes(path: Path, largest: int = _LARGEST_BYTES) -> bytes:
 
     Raises:
         OSError: the file cannot be read.
-        ShapeError: it is larger.
+        ValueRuleError: it is larger.
     """
     size = path.stat().st_size
     if size > largest:
-        raise ShapeError("file", (size,), f"at most {largest} bytes")
+        raise ValueRuleError("size", size, f"at most {largest} bytes are read")
     with path.open("rb") as file:
         return file.read(size)
 
@@ -162,8 +148,7 @@ def read_yaml(path: Path, wording: Wording) -> dict[str, Any]:
 
 def _mapping(content: Any) -> dict[str, Any]:
     if not isinstance(content, dict):
-        kind = "nothing" if content is None else type(content).__name__
-        raise TypeError(f"{kind}, expected an object")
+        raise TypeError(f"{type(content).__name__}, expected an object")
     return content
 
 
@@ -173,16 +158,6 @@ def limit_values(database: sqlite3.Connection, most_bytes: int) -> None:
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, most_bytes)
 
 
-def _open_image(path: Path) -> Image.Image:
-    from PIL import Image, UnidentifiedImageError  # late: a robot has no Pillow
-
-    try:
-        return Image.open(path, formats=_PICTURES)
-    except UnidentifiedImageError as cause:
-        kinds = ", ".join(_PICTURES)
-        raise ValueError(f"no picture, or of another kind than {kinds}: convert it to PNG") from cause
-
-
 @contextmanager
 def open_picture(path: Path, wording: Wording) -> Iterator[Image.Image]:
     """Open a picture whose pixels are not decoded yet; errors inside the block name the file.
@@ -190,11 +165,11 @@ def open_picture(path: Path, wording: Wording) -> Iterator[Image.Image]:
     Raises:
         InputError: the file is missing, no picture, damaged or has more than `MOST_PIXELS`.
     """
-    with translate_errors(wording), _open_image(path) as image:
+    from PIL import Image  # late: a robot has no Pillow
+
+    with translate_errors(wording), Image.open(path, formats=_PICTURES) as image:
         if math.prod(image.size) > MOST_PIXELS:
-            raise ShapeError(path.name, image.size, f"at most {MOST_PIXELS} pixels")
-        if image.format == "TIFF" and image.mode == "I":  # any range; other files have 16 bits in this mode
-            raise ValueError("pixels have 32 bits: save the picture with 8 bits per channel")
+            raise ValueRuleError("size", image.size, f"it must be at most {MOST_PIXELS} pixels")
         yield image
 
 
@@ -208,6 +183,9 @@ def read_picture(path: Path, mode: str, wording: Wording) -> np.ndarray:
         return np.asarray(image.convert(mode))
 
 
+# Writing
+
+
 def check_output(path: Path, folder: bool | None = False) -> None:
     """Check that a file can be written at `path`, or a folder, before work begins; leave nothing behind.
 
@@ -218,13 +196,12 @@ def check_output(path: Path, folder: bool | None = False) -> None:
     Raises:
         OutputError: `path` is of another kind, or its parent cannot be written.
     """
-    allowed = _kinds(folder)
+    found = _kind(path)
+    if found and found not in _ALLOWED[folder]:
+        raise OutputError(path, f"a {found} is there, and the output is a {' or '.join(_ALLOWED[folder])}")
+    here = path.absolute()
+    inside = here if found == "folder" else next(above for above in here.parents if _kind(above))
     try:
-        found = _kind(path)
-        if found not in allowed:
-            raise OutputError(path, f"a {found} is there, and the output is a {allowed}")
-        here = path.absolute()
-        inside = here if here.is_dir() else next(above for above in here.parents if above.exists())
         tempfile.TemporaryDirectory(prefix=f".{path.name}.", suffix=".tmp", dir=inside).cleanup()
     except (OSError, ValueError) as cause:
         raise OutputError(path, getattr(cause, "strerror", None) or str(cause)) from cause

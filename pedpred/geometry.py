@@ -13,7 +13,7 @@ import numpy as np
 
 from pedpred.arrays import real_numbers
 from pedpred.compiled import compiled
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError, shape_error
 
 _SMALLEST_CONDITION = 1e-12
 
@@ -110,7 +110,7 @@ class Homography:
     def __post_init__(self) -> None:
         matrix = real_numbers("homography", self.matrix).astype(np.float64)
         if matrix.shape != (3, 3):
-            raise ShapeError("homography", matrix.shape, "(3, 3)")
+            raise shape_error("homography", matrix.shape, "(3, 3)")
         if not np.isfinite(matrix).all():
             raise ValueRuleError("homography", matrix.tolist(), "all nine numbers must be finite")
         singular = np.linalg.svd(matrix, compute_uv=False)
@@ -128,7 +128,7 @@ class Homography:
             World frame, (x, y), m. [..., 2]
 
         Raises:
-            ShapeError: the last axis is not 2.
+            ValueRuleError: the last axis is not 2.
         """
         return _project(self.matrix, _pairs(pixels_rc, "pixels_rc") + self.first_pixel)
 
@@ -141,7 +141,7 @@ class Homography:
 def _pairs(points: np.ndarray, field: str) -> np.ndarray:
     points = real_numbers(field, points).astype(np.float64, copy=False)
     if points.ndim == 0 or points.shape[-1] != 2:
-        raise ShapeError(field, points.shape, "[..., 2]")
+        raise shape_error(field, points.shape, "[..., 2]")
     return points
 
 

@@ -98,19 +98,22 @@ def _check(path: str, value: Any, hint: Any, rules: Sequence[Any] = ()) -> None:
             others = [one for one in inside if one is not NoneType]
             if len(others) == 1:
                 _check(path, value, others[0], rules)
-    elif isinstance(origin, type) and issubclass(origin, Mapping):
+    elif _is(origin, Mapping):
         check_mapping(path, value)
         for name, entry in value.items():
             _check(field_path(path, name), entry, inside[1], rules)
-    elif isinstance(origin, type) and issubclass(origin, Sequence):
+    elif _is(origin, Sequence):
         _check_list(path, value, inside, rules)
     elif hint in _KINDS:
         is_one, what = _KINDS[hint]
-        within = f" in {rules[0].interval}" if rules and isinstance(rules[0], In) else ""
         if not is_one(value):
-            raise ValueRuleError(path, value, f"it must be {what}{within}")
+            raise ValueRuleError(path, value, f"it must be {what}")
         for rule in rules:
             rule.check(path, value, what)
+
+
+def _is(origin: Any, kind: type) -> bool:
+    return isinstance(origin, type) and issubclass(origin, kind)
 
 
 def _is_number(kind: type) -> Callable[[Any], bool]:
@@ -128,22 +131,16 @@ _KINDS: dict[Any, tuple[Callable[[Any], bool], str]] = {
 
 
 def _check_list(path: str, value: Any, kinds: Sequence[Any], rules: Sequence[Any]) -> None:
-    """Check a list: two rising numbers, or entries of one kind; numbers are some, at least one."""
-    pair, of_one = len(kinds) == 2 and kinds[1] is not Ellipsis, kinds[0]
-    plain = get_args(of_one)[0] if get_origin(of_one) is Annotated else of_one
-    what = "two rising numbers" if pair else {str: "a list of texts"}.get(plain, "some numbers")
-    within = next((f" in {rule.interval}" for rule in rules if isinstance(rule, In)), "")
-    try:
-        if not isinstance(value, (tuple, list)) or (plain in (int, float) and not len(value)):
-            raise ValueRuleError(path, value, "")
-        for number, entry in enumerate(value):
-            _check(f"{path}[{number}]", entry, of_one, rules)
-        if pair and rules and (len(value) != 2 or not value[0] <= value[1]):
-            raise ValueRuleError(path, value, "")
-    except ValueRuleError as cause:
-        if plain not in (int, float, str):
-            raise
-        raise ValueRuleError(path, value, f"it must be {what}{within}") from cause
+    """Check a list: two rising numbers, or entries of one kind; of numbers, at least one."""
+    is_pair, kind = len(kinds) == 2 and kinds[1] is not Ellipsis, kinds[0]
+    numbers = kind in (int, float) or (get_origin(kind) is Annotated and get_args(kind)[0] in (int, float))
+    if not isinstance(value, (tuple, list)) or (numbers and not value):
+        what = "two rising numbers" if is_pair else "some numbers" if numbers else "a list"
+        raise ValueRuleError(path, value, f"it must be {what}")
+    for number, entry in enumerate(value):
+        _check(f"{path}[{number}]", entry, kind, rules)
+    if is_pair and rules and (len(value) != 2 or not value[0] <= value[1]):
+        raise ValueRuleError(path, value, "it must be two rising numbers")
 
 
 def load(kind: type[Kind], plain: Any, path: str = "") -> Kind:
@@ -172,30 +169,27 @@ def load(kind: type[Kind], plain: Any, path: str = "") -> Kind:
         elif "parse" in field.metadata:
             values[name] = field.metadata["parse"](plain[name], field_path(path, name))
         else:
-            values[name] = _made(hints[name], plain[name], field_path(path, name))
+            values[name] = _make(hints[name], plain[name], field_path(path, name))
     try:
         return kind(**values)
     except ValueRuleError as cause:
         raise ValueRuleError(field_path(path, cause.field), cause.value, cause.rule) from cause
 
 
-def _made(hint: Any, plain: Any, path: str) -> Any:
+def _make(hint: Any, plain: Any, path: str) -> Any:
     """Make what an annotation says of a plain value."""
     if get_origin(hint) is Annotated:
-        return _made(get_args(hint)[0], plain, path)
+        return _make(get_args(hint)[0], plain, path)
     origin, inside = get_origin(hint), get_args(hint)
     if is_dataclass(hint):
         return plain if isinstance(plain, hint) else load(hint, plain, path)  # type: ignore[arg-type]
-    if isinstance(origin, type) and issubclass(origin, Mapping) and is_dataclass(inside[1]):
+    if _is(origin, Mapping) and is_dataclass(inside[1]):
         return load_each(inside[1], plain, path)  # type: ignore[arg-type]
-    if isinstance(origin, type) and issubclass(origin, Sequence):
-        if is_dataclass(inside[0]):
-            if not isinstance(plain, Sequence) or isinstance(plain, str):
-                raise ValueRuleError(path, plain, "a list is needed")
-            return tuple(_made(inside[0], entry, f"{path}[{number}]") for number, entry in enumerate(plain))
-        if origin is tuple and isinstance(plain, list):
-            return tuple(plain)
-    return plain
+    if _is(origin, Sequence) and is_dataclass(inside[0]):
+        if not isinstance(plain, list | tuple):
+            raise ValueRuleError(path, plain, "a list is needed")
+        return tuple(_make(inside[0], entry, f"{path}[{number}]") for number, entry in enumerate(plain))
+    return tuple(plain) if origin is tuple and isinstance(plain, list) else plain
 
 
 def load_together(kinds: Sequence[type], plain: Any) -> list[Any]:
@@ -222,7 +216,7 @@ def load_each(kind: type[Kind], plain: Any, path: str = "") -> dict[str, Kind]:
         ValueRuleError: it is not a dictionary, or an entry breaks a rule of `load`.
     """
     check_mapping(path, plain)
-    return {name: _made(kind, entry, field_path(path, name)) for name, entry in plain.items()}
+    return {name: _make(kind, entry, field_path(path, name)) for name, entry in plain.items()}
 
 
 def check_mapping(field: str, value: Any) -> None:
@@ -272,22 +266,17 @@ def finite(field: str, value: Any, shape: tuple[int | None, ...] = ()) -> np.nda
     Raises:
         ValueRuleError: the value is something else.
     """
-    what = f"finite numbers are needed, of shape {shape}" if shape else "a finite number is needed"
-    wanted = f"{what}, at most {_LARGEST:g}"
+    rule = f"it must be finite numbers of shape {shape}" if shape else "it must be a finite number"
     try:
         numbers = np.asarray(value)
     except ValueError as cause:  # rows of different lengths
-        raise ValueRuleError(field, value, wanted) from cause
-    fits = len(numbers.shape) == len(shape) and all(
+        raise ValueRuleError(field, value, rule) from cause
+    fits = numbers.ndim == len(shape) and all(
         n in (None, length) for n, length in zip(shape, numbers.shape, strict=True)
     )
-    if (
-        not fits
-        or _holds_truth(value)
-        or numbers.dtype.kind not in "iuf"
-        or not (np.abs(numbers) <= _LARGEST).all()
-    ):
-        raise ValueRuleError(field, value, wanted)
+    is_number = numbers.dtype.kind in "iuf" and not _holds_truth(value)
+    if not (fits and is_number and (np.abs(numbers) <= _LARGEST).all()):
+        raise ValueRuleError(field, value, f"{rule}, at most {_LARGEST:g}")
     return numbers.astype(np.float64)
 
 
@@ -297,11 +286,7 @@ def _holds_truth(value: Any) -> bool:
 
 
 def positive(field: str, value: Any, shape: tuple[int | None, ...] = ()) -> np.ndarray:
-    """Convert to positive finite numbers of some shape.
-
-    Raises:
-        ValueRuleError: the value is something else.
-    """
+    """Convert to positive finite numbers of some shape; see `finite`."""
     numbers = finite(field, value, shape)
     if not (numbers > 0).all():
         raise ValueRuleError(field, value, "it must be positive")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import functools
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields
@@ -18,16 +19,14 @@ from omegaconf import DictConfig, OmegaConf
 
 from pedpred import config
 from pedpred.baselines.registry import baseline
-from pedpred.config import SETS, config_errors, configured, one_of, part, plain, read_params, row
+from pedpred.config import config_errors, configured, one_of, part, plain, read_params, row
 from pedpred.datasets.crops import CropSplit
-from pedpred.driving.trials import NO_WORLD
-from pedpred.driving.worlds import KINDS
-from pedpred.errors import ConfigError
+from pedpred.driving.study import NO_WORLD
+from pedpred.errors import ConfigError, PedpredError
 from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker
 from pedpred.files import write_text
 from pedpred.forecasting import MethodRow
-from pedpred.literature.settings import ComparisonSettings
 from pedpred.models import ARCHITECTURES
 from pedpred.models.features import FEATURES
 from pedpred.models.lstm.encoding import EMBEDDED
@@ -37,24 +36,23 @@ from pedpred.report.methods import Methods
 from pedpred.rows.recorded import ViewingSettings
 from pedpred.rows.sampling import RowSettings
 from pedpred.rows.simulated import SequenceSets, SimulatedSet
-from pedpred.scenes import VARIANTS
 from pedpred.settings import check_names, load, load_each, load_together
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
-from pedpred.simulation.settings import SetUse, SimulationSettings, social_force_settings
-from pedpred.sources import SETTINGS, SOURCES
+from pedpred.simulation.settings import SimulationSettings, social_force_settings
+from pedpred.sources import SETTINGS
 from pedpred.sources.eth_ucy import EthUcySettings
 from pedpred.training import AutoencoderSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
 from stages import eth_ucy_train
 from stages.code import write_code
-from stages.drive import trials_of
-from stages.eth_ucy import MODELS, comparison_of
-from stages.export import GROUPS as EXPORTING
+from stages.drive import study_of
+from stages.eth_ucy import MODELS, ComparisonSettings, comparison_of
 from stages.fetch import mirrors_of
-from stages.folds import SENSED, trained_sets
+from stages.folds import trained_sets
 from stages.perception import features_of, kalman_of, protocol_of
+from stages.references import WHERE, Params, check_references, layout_names, method_names
 from stages.report import read_page, read_paper
 from stages.row_types import (
     ExportRow,
@@ -64,23 +62,19 @@ from stages.row_types import (
     RecordingRows,
     Reference,
 )
-from stages.simulate import LAYOUTS, read_layouts
+from stages.simulate import SetTracking, read_layouts
 from stages.train import NONE, networks_of, phase_of, training_of
 from stages.validate_simulation import flow_of
 from stages.worlds import worlds_of
 
 WITHOUT_VELOCITIES = ("eth_ucy", "ewap", "jupedsim")
 """Those of `SOURCES` whose recordings are positions alone."""
-WHERE = {field.name for field in fields(DeviceSettings)}
-"""Keys of `training` that are no phases."""
 STUDIES = {"sim": False, "transfer": False, "real": True}
 """Groups of conf/folds, and whether their folds are trained."""
 METHODS = ("baselines", "networks")
 """Groups of conf/methods."""
 STAMP = "data/config.checked"
 """What rows have as their input that need no scenes."""
-Params = Mapping[str, Any]
-"""A whole configuration."""
 Check = Callable[[Params], object]
 """Makes the settings of a part."""
 
@@ -106,45 +100,24 @@ def _whole(group: str, *kinds: type) -> Check:
     return check_fields
 
 
-def _names(key: str, names: Iterable[str], known: Iterable[str]) -> None:
-    """Check that names exist."""
-    for name in names:
-        one_of(key, name, dict.fromkeys(known))
-
-
-def _use(cfg: Params, key: str, use: SetUse) -> None:
-    """Check that a row of simulations or places refers to rows and variants that exist."""
-    for name, group in {"tracker": "trackers", "sensor": "sensors", "social_force": "social_forces"}.items():
-        one_of(f"{key}.{name}", getattr(use, name), cfg[group])
-    _names(f"{key}.variants", use.variants, VARIANTS)
-
-
 def _simulation(cfg: Params, name: str) -> None:
-    simulation = part(cfg, "simulations", name)
-    _names(f"simulations.{name}.drawn", SimulationSettings.parse(simulation).drawn, layout_names())
-    _use(cfg, f"simulations.{name}", load_together([SimulationSettings, SetUse], simulation)[1])
+    load_together([SimulationSettings, SetTracking], part(cfg, "simulations", name))
 
 
 def _place(cfg: Params, name: str) -> None:
-    place, use = load_together([PlaceRow, SetUse], part(cfg, "places", name))
-    one_of(f"places.{name}.source", place.source, SOURCES)
+    place, use = load_together([PlaceRow, SetTracking], part(cfg, "places", name))
     if place.source in SETTINGS:
         load(SETTINGS[place.source], place.settings, "settings")
-    _use(cfg, f"places.{name}", use)
     if place.source in WITHOUT_VELOCITIES and row(cfg, "trackers", use.tracker).get("kind") == "truth":
         rule = "true states need velocities, which these recordings do not have; choose a Kalman filter"
         raise ConfigError(f"places.{name}.tracker", use.tracker, rule)
 
 
 def _fold(cfg: Params, study: str) -> None:
-    one_of("folds", study, dict.fromkeys(STUDIES))
-    tested = [f"{kind}/{name}" for kind, rows in SETS.items() for name in part(cfg, rows)]
+    one_of("folds", study, STUDIES)
     by_others: dict[str, str] = {}
     for name, fold in load_each(FoldRow, folds := part(cfg, "folds", study)).items():
-        key = f"folds.{study}.{name}"
-        _names(f"{key}.test", fold.test, tested)
-        trains = trained_sets(vars(fold), part(cfg, "places"))
-        _names(f"{key}.train", trains, [*tested, SENSED])
+        key, trains = f"folds.{study}.{name}", trained_sets(vars(fold), part(cfg, "places"))
         if ("train" in folds[name]) != STUDIES[study]:
             rule = "a fold of this study needs it" if STUDIES[study] else f"folds of {study} are not trained"
             raise ConfigError(f"{key}.train", folds[name].get("train"), rule)
@@ -157,17 +130,17 @@ def _fold(cfg: Params, study: str) -> None:
 
 
 def _methods(cfg: Params) -> None:
-    _names("methods", part(cfg, "methods"), METHODS)
     for group in part(cfg, "methods"):
+        one_of("methods", group, dict.fromkeys(METHODS))
         for key, method in load_each(MethodRow, part(cfg, "methods", group), f"methods.{group}").items():
             with configured(f"methods.{group}"):
-                if group != "baselines":
-                    with configured(f"methods.{group}.{key}.settings"):
-                        network = parse_settings(method.settings)
-                    _inputs(cfg, key, network.channels_read)
-                else:
+                if group == "baselines":
                     baseline(key, method.settings)
-    keys = _keys(cfg)
+                    continue
+                with configured(f"methods.{group}.{key}.settings"):
+                    network = parse_settings(method.settings)
+                _inputs(cfg, key, network.channels_read)
+    keys = method_names(cfg)
     if twice := sorted({key for key in keys if keys.count(key) > 1}):
         raise ConfigError("methods", twice, "a name must be that of one row")
 
@@ -184,23 +157,13 @@ def _inputs(cfg: Params, key: str, read: Iterable[str]) -> None:
 
 
 def _trainings(cfg: Params) -> None:
-    """Check that trainings fit together: each starts from what another one of its architecture writes."""
+    """Check that each training starts from what another one of its architecture writes."""
     rows = {name: training_of(cfg, name) for name in part(cfg, "trainings")}
     written = {f"models/{name}": it.architecture for name, it in rows.items()}
     for name, it in rows.items():
-        key = f"trainings.{name}"
-        _names(f"{key}.architecture", [it.architecture], ARCHITECTURES)
-        _names(f"{key}.phase", [it.phase], [phase for phase in cfg["training"] if phase not in WHERE])
         if it.previous not in (NONE, it.encoder) and written.get(it.previous) != it.architecture:
             rule = f"no row of trainings writes networks of architecture {it.architecture} there"
-            raise ConfigError(f"{key}.previous", it.previous, rule)
-        if it.folds:
-            _names(f"{key}.folds", [it.folds], cfg["folds"])
-
-
-def _keys(cfg: Params) -> list[str]:
-    """Names of all methods."""
-    return [key for rows in cfg["methods"].values() for key in rows]
+            raise ConfigError(f"trainings.{name}.previous", it.previous, rule)
 
 
 def weights_of(cfg: Params, network: str) -> list[str]:
@@ -213,31 +176,20 @@ def weights_of(cfg: Params, network: str) -> list[str]:
     return weights
 
 
+def _exports(cfg: Params, group: str) -> None:
+    """Check the rows `exports` of a part."""
+    with configured(f"{group}.exports"):
+        rows = load_each(ExportRow, part(cfg, group).get("exports", {}))
+    for name, export in rows.items():
+        kalman_of(cfg, export.tracker)
+        weights = dict.fromkeys(weights_of(cfg, export.network))
+        one_of(f"{group}.exports.{name}.weights", export.weights, weights)
+
+
 def _online(cfg: Params) -> None:
     with configured("online"):
-        _, rows = load_together([Following, OnlineRows], part(cfg, "online"))
-    for name, promise in rows.promises.items():
-        _names(f"online.promises.{name}.method", [promise.method], _keys(cfg))
-
-
-def _exports(cfg: Params) -> dict[str, ExportRow]:
-    """Check the rows `exports` of all parts; all of them, by name."""
-    exports: dict[str, ExportRow] = {}
-    for group in EXPORTING:
-        key = f"{group}.exports"
-        with configured(key):
-            rows = load_each(ExportRow, part(cfg, group).get("exports", {}))
-        for name, export in rows.items():
-            kalman_of(cfg, export.tracker)
-            _names(f"{key}.{name}.network", [export.network], cfg["methods"]["networks"])
-            _names(f"{key}.{name}.weights", [export.weights], weights_of(cfg, export.network))
-        exports |= rows
-    return exports
-
-
-def layout_names() -> list[str]:
-    """Names of the drawn rooms."""
-    return sorted(file.stem for file in LAYOUTS.glob("*.yaml"))
+        load_together([Following, OnlineRows], part(cfg, "online"))
+    _exports(cfg, "online")
 
 
 def check_layouts(layouts: Params) -> None:
@@ -252,23 +204,17 @@ def check_layouts(layouts: Params) -> None:
 
 
 def _situations(cfg: Params) -> None:
-    kinds = {"rows": RowSettings, "real": ViewingSettings}
+    kinds = {"rows": RowSettings, "real": ViewingSettings, "simulated": None}
     for name in part(cfg, "situations"):
-        if name == "simulated":
-            with configured("situations.simulated"):
-                sets = load_each(SimulatedSet, part(cfg, "situations", name))
-            for key, chosen in sets.items():
-                if chosen.kind == "arrangement":
-                    _scenes(f"situations.simulated.{key}.input", chosen.input)
-        else:
+        if kind := one_of("situations", name, kinds):
             with configured(f"situations.{name}"):
-                load(one_of("situations", name, kinds), part(cfg, "situations", name))
-
-
-def _sequences(cfg: Params) -> None:
-    with configured("sequences"):
-        sets = load(SequenceSets, part(cfg, "sequences"))
-    _names("sequences.scenes", sets.scenes, cfg["simulations"])
+                load(kind, part(cfg, "situations", name))
+            continue
+        with configured("situations.simulated"):
+            sets = load_each(SimulatedSet, part(cfg, "situations", name))
+        for key, chosen in sets.items():
+            if chosen.kind == "arrangement":
+                _scenes(f"situations.simulated.{key}.input", chosen.input)
 
 
 def _training(cfg: Params) -> None:
@@ -276,11 +222,7 @@ def _training(cfg: Params) -> None:
     with configured("training"):
         load(DeviceSettings, {name: value for name, value in training.items() if name in WHERE})
     for phase in training.keys() - WHERE:
-        settings, data = phase_of(cfg, phase)
-        shares = getattr(settings, "shares", ())
-        _names(f"training.{phase}.shares", shares, cfg["situations"]["simulated"])
-        simulated = [f"simulated/{name}" for name in cfg["simulations"]]
-        _names(f"training.{phase}.sets", getattr(data, "sets", ()), [*simulated, SENSED])
+        phase_of(cfg, phase)
 
 
 def _features(cfg: Params) -> None:
@@ -292,13 +234,10 @@ def _features(cfg: Params) -> None:
 def _recording(cfg: Params) -> None:
     with configured("recording"):
         rows = load(RecordingRows, part(cfg, "recording"))
-    _names("recording.methods", [*rows.methods, rows.animation.method], _keys(cfg))
     for name, scene in rows.scenes.items():
         if scene.scene.rpartition("/")[2] != name:
             rule = "the row must have the name of the scene, as its files have"
             raise ConfigError(f"recording.scenes.{name}.scene", scene.scene, rule)
-        networks = ["main", *cfg["folds"]["real"]]
-        _names(f"recording.scenes.{name}.networks", [scene.networks], networks)
 
 
 def _scenes(key: str, folder: str) -> None:
@@ -308,29 +247,18 @@ def _scenes(key: str, folder: str) -> None:
 
 
 def _driving(cfg: Params) -> None:
-    rows = part(cfg, "driving").get("places")
-    for name, place in rows.items() if isinstance(rows, Mapping) else ():
-        if isinstance(place, Mapping) and "world" in place:
-            one_of(f"driving.places.{name}.world", place["world"], dict.fromkeys((NO_WORLD, *KINDS)))
-    exports = _exports(cfg)
-    for name, place in trials_of(cfg).places.items():
-        models = [folder.removeprefix("models/online/") for folder in (place.model, place.lstm)]
-        _names(f"driving.places.{name}", models, [*exports, "default"])
+    _exports(cfg, "driving")
+    for name, place in study_of(cfg).places.items():
         if place.world == NO_WORLD:
             _scenes(f"driving.places.{name}.input", place.input)
-
-
-def _comparison(cfg: Params) -> None:
-    with configured("comparison"):
-        reference, _ = load_together([Reference, Resampling], part(cfg, "comparison"))
-    _names("comparison.reference", [reference.reference], cfg["methods"]["baselines"])
 
 
 def _report(cfg: Params) -> None:
     Methods.read(Path(), cfg["comparison"]["reference"])
     read_published(Path())
     read_paper()
-    _names("conf/report/page.yaml, replays", read_page()[0].replays, STUDIES)
+    for study in read_page()[0].replays:
+        one_of("conf/report/page.yaml, replays", study, STUDIES)
 
 
 def _literature(cfg: Params) -> None:
@@ -349,17 +277,14 @@ def _literature(cfg: Params) -> None:
     with configured("literature"):
         kalman_of(cfg, cfg["literature"]["tracker"])
     for name in part(cfg, "literature", "networks"):
-        _names("literature.networks", [name], cfg["methods"]["networks"])
         key, phases = f"literature.networks.{name}", part(cfg, "literature", "networks", name)
         if set(phases) != set(eth_ucy_train.PHASES):
             raise ConfigError(
                 key, ", ".join(phases), f"it must have {' and '.join(eth_ucy_train.PHASES)}, nothing else"
             )
         for phase in phases:
-            settings, _ = eth_ucy_train.phase_of(cfg, name, phase)
-            shares = getattr(settings, "shares", ())
-            _names(f"{key}.{phase}.shares", shares, cfg["situations"]["simulated"])
-    _exports(cfg)
+            eth_ucy_train.phase_of(cfg, name, phase)
+    _exports(cfg, "literature")
 
 
 PARTS: dict[str, Check] = {
@@ -377,7 +302,7 @@ PARTS: dict[str, Check] = {
     "clutter": _whole("clutter", ClutterSettings),
     "worlds": worlds_of,
     "situations": _situations,
-    "sequences": _sequences,
+    "sequences": _whole("sequences", SequenceSets),
     "protocol": protocol_of,
     "features": _features,
     "autoencoder": _whole("autoencoder", ThreadSettings, CropSplit, AutoencoderSettings),
@@ -385,7 +310,7 @@ PARTS: dict[str, Check] = {
     "trainings": _trainings,
     "validation": flow_of,
     "evaluation": _whole("evaluation", MetricSettings),
-    "comparison": _comparison,
+    "comparison": _whole("comparison", Reference, Resampling),
     "recording": _recording,
     "driving": _driving,
     "literature": _literature,
@@ -407,6 +332,7 @@ def check_parts(cfg: Params) -> None:
     """
     for name in cfg:
         one_of("params", str(name), PARTS)
+    check_references(cfg)
     for check in PARTS.values():
         check(cfg)
     for key in NAMED:
@@ -447,9 +373,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     argparse.ArgumentParser(usage=usage, description=main.__doc__).parse_args(arguments)
     with config_errors():
         params = read_params(Path())
-        check_parts(plain(params))
-        for check in TABLES:
-            check(plain(params))
+        try:
+            check_parts(plain(params))
+            for check in TABLES:
+                check(plain(params))
+        except PedpredError:
+            if "DVC_EXP_NAME" in os.environ:  # `dvc exp run -S` has written a wrong value into params.yaml
+                config.main([])
+            raise
         config.main(["--check", "--stamp", STAMP])
         write_shared(params, Path())
         write_code()

@@ -10,15 +10,14 @@ from omegaconf import DictConfig
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.config import stage
-from pedpred.evaluation.scores import write_scores
-from pedpred.literature.measures import mean_scores, measure
-from pedpred.literature.windows import find_windows
+from pedpred.evaluation import measure
+from pedpred.evaluation.scores import mean_scores, write_scores
 from pedpred.models.forecaster import forecaster
 from pedpred.scenes import Scene, Trajectories
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import KalmanBank, tune_kalman
 from pedpred.workers import in_parallel
-from stages.eth_ucy import MODELS, RECORDINGS, TOP, protocol_settings, windows_of
+from stages.eth_ucy import MODELS, RECORDINGS, TOP, windows_of
 from stages.evaluate import metric_settings
 
 
@@ -43,18 +42,19 @@ def evaluate_recording(
 ) -> None:
     """Measure all methods in one recording; networks are the mean of their seeds. A job of one worker."""
     torch.set_num_threads(1)
-    settings, windows, sizes = metric_settings(cfg), windows_of(cfg, name), protocol_settings(cfg)
-    if windows is None:
+    settings, windows = metric_settings(cfg), windows_of(cfg, name)
+    simple = windows if fitted is None else windows_of(cfg, name, memory=False, bank=fitted)
+    if windows is None or simple is None:
         return
-    measured = partial(measure, samples=cfg.literature.samples, settings=settings)
-    recorded, still_mps = read_scene(RECORDINGS / name), cfg.protocol.standstill_mps
-    same = windows if fitted is None else find_windows(recorded, sizes, fitted, still_mps, memory=False)
-    scores = {key: measured(same, forecaster=method()) for key, method in PRESENT_MOTION.items()}
+    measured = partial(measure, settings=settings, samples=cfg.literature.samples)
+    scores = measured(simple, {key: method() for key, method in PRESENT_MOTION.items()})
     choices = {"together": settings.together, "learning": False, "trust": False}  # nothing earlier is known
     for network in cfg.literature.networks:
         folders = {s: MODELS / "recorded" / network / fold / str(s) for s in cfg.literature.seeds}
-        trained = {s: forecaster(f, Path("models/autoencoder"), **choices) for s, f in folders.items()}
-        seeds = {f"{network}_{s}": measured(windows, forecaster=method) for s, method in trained.items()}
+        trained = {
+            f"{network}_{s}": forecaster(f, Path("models/autoencoder"), **choices) for s, f in folders.items()
+        }
+        seeds = measured(windows, trained)
         scores |= {network: mean_scores(list(seeds.values()))} | seeds
     for method, result in scores.items():
         write_scores(result, out / scene / method / f"{name}.parquet")

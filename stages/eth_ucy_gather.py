@@ -1,33 +1,29 @@
 """eth_ucy_gather: the figures of all folds of the comparison with the literature."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from omegaconf import DictConfig
 
 from pedpred.baselines.present_motion import STRONGEST
-from pedpred.config import configured, plain, stage
+from pedpred.config import stage
 from pedpred.errors import InputError
 from pedpred.evaluation.scores import Resampling, pool_scores, read_scores
-from pedpred.evaluation.summary import coverages, summarise_methods
-from pedpred.files import write_json
-from pedpred.settings import load
+from pedpred.evaluation.summary import Figures, coverages, summarise_methods
 from stages.eth_ucy import TOP
+from stages.gather import resampling_of, write_figures
 
 
-def figures_of(cfg: DictConfig, name: str, settings: Resampling) -> dict[str, Any]:
+def figures_of(cfg: DictConfig, name: str, settings: Resampling) -> dict[str, Figures]:
     """Figures at the scenes of a fold, whose recordings are pooled: scene -> method -> figures."""
-    figures: dict[str, Any] = {}
+    figures: dict[str, Figures] = {}
     if not (evaluated := TOP / "scores" / name).is_dir():
         raise InputError(evaluated, "scores", "there are none")
     for scene in cfg.literature.folds[name].test:
-        top, recordings = TOP / "scores" / name / scene, cfg.literature.scenes[scene]
+        recordings = [f"{recording}.parquet" for recording in cfg.literature.scenes[scene]]
         pools = {
-            folder.name: pool_scores(
-                [read_scores(folder / f"{recording}.parquet") for recording in recordings]
-            )
-            for folder in sorted(top.glob("*"))
+            folder.name: pool_scores([read_scores(folder / file) for file in recordings])
+            for folder in sorted((evaluated / scene).glob("*"))
         }
         if not pools:
             continue
@@ -46,19 +42,11 @@ def figures_of(cfg: DictConfig, name: str, settings: Resampling) -> dict[str, An
 @stage()
 def main(cfg: DictConfig) -> None:
     """Write reports/metrics/literature.json, entries <scene>, or <scene>_<fold>; and reports/ade."""
-    out, choices = Path(cfg.get("out", "reports")), plain(cfg.comparison)
-    choices.pop("reference")
-    with configured("comparison"):
-        settings = load(Resampling, choices)
-    gathered: dict[str, Any] = {}
+    settings, gathered = resampling_of(cfg), {}
     for name, fold in cfg.literature.folds.items():
         for scene, figures in figures_of(cfg, name, settings).items():
             gathered[scene if [scene] == list(fold.test) == [name] else f"{scene}_{name}"] = figures
-    write_json(out / "metrics/literature.json", gathered)
-    errors_m = {
-        key: {method: summary["ade_m"] for method, summary in rows.items()} for key, rows in gathered.items()
-    }
-    write_json(out / "ade/literature.json", errors_m)
+    write_figures(Path(cfg.get("out", "reports")), "literature", gathered, gathered)
 
 
 if __name__ == "__main__":

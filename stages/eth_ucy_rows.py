@@ -7,8 +7,8 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from pedpred.config import one_of, stage, stage_key
+from pedpred.evaluation.observed import training_rows
 from pedpred.features import extract_blocks
-from pedpred.literature.windows import protocol_of, training_rows
 from pedpred.models.features import RowFormat
 from pedpred.rows.files import step_columns
 from pedpred.storage.scenes import read_scene
@@ -42,7 +42,7 @@ def main(cfg: DictConfig) -> None:
     """Write data/eth_ucy/rows/<name>/recorded/<recording>; no rows where a recording is not available."""
     model = stage_key(cfg)
     one_of("name", model, cfg.features)
-    row_format = RowFormat(protocol_of(protocol_settings(cfg)), model, features_of(cfg, model))
+    row_format = RowFormat(protocol_settings(cfg).protocol, model, features_of(cfg, model))
     out = Path(cfg.get("out", TOP / "rows" / model / "recorded"))
     make = recording_steps if row_format.features.has_memory else window_rows
     sets = []

@@ -12,7 +12,7 @@ from omegaconf import DictConfig
 from pedpred.baselines.registry import baseline
 from pedpred.config import SETS, configured, one_of, plain, row, stage, stage_key
 from pedpred.evaluation import MetricSettings
-from pedpred.evaluation.compare import Trial, evaluate_scene
+from pedpred.evaluation.trial import Trial, evaluate_scene
 from pedpred.forecasting import MethodRow
 from pedpred.models.forecaster import forecaster
 from pedpred.models.lstm.features import LstmFeatures

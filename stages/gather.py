@@ -1,6 +1,7 @@
 """gather@study: the figures of all methods at the test sets of a study."""
 
 import itertools
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -9,7 +10,7 @@ from pedpred.config import configured, plain, stage, stage_key
 from pedpred.errors import ConfigError, InputError
 from pedpred.evaluation.forecasts import result_folders
 from pedpred.evaluation.scores import Resampling, Scores, read_scores
-from pedpred.evaluation.summary import summarise_test_set
+from pedpred.evaluation.summary import Figures, summarise_test_set
 from pedpred.files import write_json
 from pedpred.settings import load
 
@@ -30,6 +31,28 @@ def scores_at(cfg: DictConfig, models: str, at: str) -> dict[str, dict[str, Scor
     return by_test
 
 
+def resampling_of(cfg: DictConfig) -> Resampling:
+    """Read the size of the bootstrap behind intervals."""
+    choices = {key: value for key, value in plain(cfg.comparison).items() if key != "reference"}
+    with configured("comparison"):
+        settings: Resampling = load(Resampling, choices)
+    return settings
+
+
+def write_figures(out: Path, study: str, figures: Mapping[str, Figures], tested: Iterable[str]) -> None:
+    """Write the figures of a study, and the errors of the test sets alone.
+
+    Args:
+        out: metrics/<study>.json and ade/<study>.json are written there.
+        study: its name.
+        figures: entry -> method -> figure -> value.
+        tested: entries that are whole test sets.
+    """
+    errors_m = {key: {method: row["ade_m"] for method, row in figures[key].items()} for key in tested}
+    write_json(out / "metrics" / f"{study}.json", figures)
+    write_json(out / "ade" / f"{study}.json", errors_m)
+
+
 @stage("name")
 def main(cfg: DictConfig) -> None:
     """Read data/scores, write reports/metrics/<study>.json in the order of conf/folds.
@@ -37,14 +60,11 @@ def main(cfg: DictConfig) -> None:
     The ADE of the test sets alone goes to reports/ade/<study>.json.
     """
     study, out = stage_key(cfg), Path(cfg.get("out", "reports"))
-    comparison = plain(cfg.comparison)
-    reference = comparison.pop("reference")
-    with configured("comparison"):
-        settings = load(Resampling, comparison)
+    reference, settings = cfg.comparison.reference, resampling_of(cfg)
     if not (of_reference := Path("data/scores/baselines", reference)).is_dir():
         raise InputError(of_reference, "scores", "there are none")
-    gathered: dict = {}
-    errors_m: dict = {}
+    gathered: dict[str, Figures] = {}
+    tested: list[str] = []
     for name, fold in cfg.folds[study].items():
         models = name if "train" in fold else "main"
         for at in fold.test:
@@ -56,10 +76,8 @@ def main(cfg: DictConfig) -> None:
                 rule = "another fold tests it too; name it once"
                 raise ConfigError(f"folds.{study}.{name}.test", twice, rule)
             gathered |= summary
-            if summary:
-                errors_m[key] = {method: of_methods["ade_m"] for method, of_methods in summary[key].items()}
-    write_json(out / "metrics" / f"{study}.json", gathered)
-    write_json(out / "ade" / f"{study}.json", errors_m)
+            tested += [key] if summary else []
+    write_figures(out, study, gathered, tested)
 
 
 if __name__ == "__main__":

@@ -13,9 +13,8 @@ from pedpred.files import write_json, write_text
 from pedpred.report.document import write_pictures
 from pedpred.report.simulation_page import crowd_section
 from pedpred.settings import load_together
-from pedpred.simulation.corridor_flow import FlowSettings, corridor_flow
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
-from pedpred.simulation.walking import count_walking
+from pedpred.simulation.validation import FlowSettings, corridor_flow, count_walking
 from pedpred.storage.scenes import read_scene, scene_folders
 
 

@@ -5,42 +5,14 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from rosbags import rosbag1, rosbag2
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 from pedpred.ros.message_types import known_editions
 from tests.robots import CAMERA, ODOM, SPEED, STANDING, WALKING, from_robot, robot
 
 GRID, PEOPLE, TF = "nav_msgs/msg/OccupancyGrid", "people_msgs/msg/People", "tf2_msgs/msg/TFMessage"
-DEFINITIONS = {
-    "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity",
-    "people_msgs/msg/People": "std_msgs/Header header\npeople_msgs/Person[] people",
-    "people_msgs/msg/PositionMeasurement": "std_msgs/Header header\nstring object_id\n"
-    "geometry_msgs/Point pos",
-    "people_msgs/msg/PositionMeasurementArray": "std_msgs/Header header\n"
-    "people_msgs/PositionMeasurement[] people",
-    "spencer_tracking_msgs/msg/TrackedPerson": "uint64 track_id\ngeometry_msgs/PoseWithCovariance pose",
-    "spencer_tracking_msgs/msg/TrackedPersons": "std_msgs/Header header\n"
-    "spencer_tracking_msgs/TrackedPerson[] tracks",
-    "hunav_msgs/msg/Agent": "int32 id\nstring name\ngeometry_msgs/Pose position",
-    "hunav_msgs/msg/Agents": "std_msgs/Header header\nhunav_msgs/Agent[] agents",
-    "pedsim_msgs/msg/AgentState": "uint64 id\ngeometry_msgs/Pose pose",
-    "pedsim_msgs/msg/AgentStates": "std_msgs/Header header\npedsim_msgs/AgentState[] agent_states",
-    "vision_msgs/msg/BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
-    "vision_msgs/msg/Detection3D": "std_msgs/Header header\nvision_msgs/BoundingBox3D bbox\nstring id",
-    "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nvision_msgs/Detection3D[] detections",
-    "leg_tracker/msg/Person": "geometry_msgs/Pose pose\nuint32 id",
-    "leg_tracker/msg/PersonArray": "std_msgs/Header header\nleg_tracker/Person[] people",
-    "unique_identifier_msgs/msg/UUID": "uint8[16] uuid",
-    "nav2_dynamic_msgs/msg/Obstacle": "unique_identifier_msgs/UUID uuid\ngeometry_msgs/Point position",
-    "nav2_dynamic_msgs/msg/ObstacleArray": "std_msgs/Header header\nnav2_dynamic_msgs/Obstacle[] obstacles",
-    "zed_msgs/msg/Object": "string label\nint16 label_id\nfloat32[3] position",
-    "zed_msgs/msg/ObjectsStamped": "std_msgs/Header header\nzed_msgs/Object[] objects",
-}
-"""The used fields of each type, as its package defines them."""
-
 LISTS = {
-    "people_msgs/msg/People": ("people", "people_msgs/msg/Person"),
+    PEOPLE: ("people", "people_msgs/msg/Person"),
     "people_msgs/msg/PositionMeasurementArray": ("people", "people_msgs/msg/PositionMeasurement"),
     "spencer_tracking_msgs/msg/TrackedPersons": ("tracks", "spencer_tracking_msgs/msg/TrackedPerson"),
     "hunav_msgs/msg/Agents": ("agents", "hunav_msgs/msg/Agent"),
@@ -57,115 +29,16 @@ PATHS = {3: [(0.0, 1.0), (0.5, 1.0), (1.0, 1.5)], 8: [(4.0, 0.0), (3.5, 0.1), (3
 
 
 class Store:
-    """Makes messages of one ROS version."""
+    """Makes messages of one edition; fields that are not given are 0, empty or false."""
 
-    def __init__(self, kind):
-        self.ros1 = kind == Stores.ROS1_NOETIC
-        self.types = get_typestore(kind)
-        for name, fields in DEFINITIONS.items():
-            if name not in self.types.fielddefs:
-                self.types.register(get_types_from_msg(fields, name))
-
-    def make(self, kind, **fields):
-        return self.types.types[kind](**fields)
-
-    def header(self, time_s, frame):
-        stamp = self.make("builtin_interfaces/msg/Time", sec=int(time_s), nanosec=round(time_s % 1 * 1e9))
-        number = {"seq": 0} if self.ros1 else {}
-        return self.make("std_msgs/msg/Header", **number, stamp=stamp, frame_id=frame)
-
-    def pose(self, x, y):
-        point = self.make("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
-        turn = self.make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
-        return self.make("geometry_msgs/msg/Pose", position=point, orientation=turn)
-
-    def people(self, kind, time_s, frame="map"):
-        """The people of PATHS at a multiple of half a second."""
-        header = self.header(time_s, frame)
-        field, one = LISTS[kind]
-        here = {who: self.pose(*path[round(2 * time_s)]) for who, path in PATHS.items()}
-        several = [self.person(one, who, pose, header) for who, pose in here.items()]
-        return self.make(kind, header=header, **{field: several})
-
-    def person(self, kind, who, pose, header):
-        """A person in a list of people, of one of the types of LISTS."""
-        at = pose.position
-        fields = {
-            "geometry_msgs/msg/Pose": lambda: vars(pose),
-            "people_msgs/msg/Person": lambda: {"name": str(who), "position": at, "velocity": at},
-            "people_msgs/msg/PositionMeasurement": lambda: {
-                "header": header,
-                "object_id": str(who),
-                "pos": at,
-            },
-            "spencer_tracking_msgs/msg/TrackedPerson": lambda: {"track_id": who, "pose": self.sure(pose)},
-            "hunav_msgs/msg/Agent": lambda: {"id": who, "name": "agent", "position": pose},
-            "pedsim_msgs/msg/AgentState": lambda: {"id": who, "pose": pose},
-            "vision_msgs/msg/Detection3D": lambda: {
-                "header": header,
-                "bbox": self.box(pose),
-                "id": str(who),
-            },
-            "leg_tracker/msg/Person": lambda: {"id": who, "pose": pose},
-            "nav2_dynamic_msgs/msg/Obstacle": lambda: {"uuid": self.uuid(who), "position": at},
-            "zed_msgs/msg/Object": lambda: {
-                "label": "Person",
-                "label_id": who,
-                "position": np.array([at.x, at.y, at.z], np.float32),
-            },
-        }
-        given = fields[kind]()
-        return self.make(kind, **{name: value for name, value in given.items() if name != "__msgtype__"})
-
-    def sure(self, pose):
-        return self.make("geometry_msgs/msg/PoseWithCovariance", pose=pose, covariance=np.zeros(36))
-
-    def box(self, pose):
-        size = self.make("geometry_msgs/msg/Vector3", x=1.0, y=1.0, z=1.0)
-        return self.make("vision_msgs/msg/BoundingBox3D", center=pose, size=size)
-
-    def uuid(self, number):
-        given = np.frombuffer(int(number).to_bytes(16, "big"), np.uint8)
-        return self.make("unique_identifier_msgs/msg/UUID", uuid=given)
-
-    def grid(self, frame="map"):
-        """Three by two cells of half a metre; the one at (1, 0) is occupied, the next one unknown."""
-        header, data = self.header(0.0, frame), np.array([0, 100, -1, 0, 0, 0], np.int8)
-        sizes = {"resolution": 0.5, "width": 3, "height": 2, "origin": self.pose(-1.0, 2.0)}
-        about = self.make("nav_msgs/msg/MapMetaData", map_load_time=header.stamp, **sizes)
-        return self.make("nav_msgs/msg/OccupancyGrid", header=header, info=about, data=data)
-
-    def write(self, path, messages, storage=rosbag2.StoragePlugin.SQLITE3, times_s=None):
-        """Write (topic, type, message) tuples in order of time; without times, a nanosecond apart."""
-        ros2 = {"version": 9, "storage_plugin": storage}
-        self.fill(rosbag1.Writer(path) if self.ros1 else rosbag2.Writer(path, **ros2), messages, times_s)
-
-    def fill(self, writer, messages, times_s=None):
-        """Write into a new bag."""
-        serialise = self.types.serialize_ros1 if self.ros1 else self.types.serialize_cdr
-        with writer:
-            known = {}
-            for count, (topic, kind, message) in enumerate(messages):
-                if topic not in known:
-                    known[topic] = writer.add_connection(topic, kind, typestore=self.types)
-                time_ns = count if times_s is None else round(times_s[count] * 1e9)
-                writer.write(known[topic], time_ns, serialise(message, kind))
-
-
-class Filled(Store):
-    """Makes messages of one edition with all fields, which are 0, empty or false where PATHS say nothing."""
-
-    def __init__(self, edition, ros1=False):
+    def __init__(self, edition=0, ros1=False):
         self.ros1, self.types = ros1, known_editions(ros1)[edition]
 
-    def make(self, kind, **fields):
-        types = self.types.fielddefs[kind][1]
-        filled = {name: fields.get(name, self.nothing(*about)) for name, about in types}
-        return self.types.types[kind](
-            **filled | ({"tracking_id": fields["id"]} if "tracking_id" in filled else {})
-        )
+    def make(self, kind, **given):
+        fields = self.types.fielddefs[kind][1]
+        return self.types.types[kind](**{name: given.get(name, self.zero(*about)) for name, about in fields})
 
-    def nothing(self, node, about):
+    def zero(self, node, about):
         if node.name == "BASE":
             return {"string": "", "bool": False}.get(about[0], 0)
         if node.name == "NAME":
@@ -173,9 +46,88 @@ class Filled(Store):
         (inner, name), size = about
         if inner.name == "NAME":
             return [self.make(name) for _ in range(size)]
-        if name[0] == "string":
-            return []
-        return np.zeros(size, name[0])
+        return [] if name[0] == "string" else np.zeros(size, name[0])
+
+    def raw(self, kind, message):
+        """The bytes of a message."""
+        serialize = self.types.serialize_ros1 if self.ros1 else self.types.serialize_cdr
+        return bytes(serialize(message, kind))
+
+    def header(self, time_s, frame="map"):
+        stamp = self.make("builtin_interfaces/msg/Time", sec=int(time_s), nanosec=round(time_s % 1 * 1e9))
+        return self.make("std_msgs/msg/Header", stamp=stamp, frame_id=frame)
+
+    def pose(self, x, y, z=0.0):
+        point = self.make("geometry_msgs/msg/Point", x=float(x), y=float(y), z=float(z))
+        turn = self.make("geometry_msgs/msg/Quaternion", w=1.0)
+        return self.make("geometry_msgs/msg/Pose", position=point, orientation=turn)
+
+    def people(self, kind, time_s, places, frame="map"):
+        """A message of people at some places: pairs of name and (x, y), or a dictionary of such."""
+        field, one = LISTS[kind]
+        pairs = places.items() if isinstance(places, dict) else places
+        people = [self.person(one, name, self.pose(*at)) for name, at in pairs]
+        return self.make(kind, header=self.header(time_s, frame), **{field: people})
+
+    def person(self, kind, name, pose):
+        """A person in a list of people, of one of the types of LISTS."""
+        at, covered = pose.position, "geometry_msgs/msg/PoseWithCovariance"
+        id_field, place = {
+            "geometry_msgs/msg/Pose": ("", vars(pose)),
+            "people_msgs/msg/Person": ("name", {"position": at}),
+            "people_msgs/msg/PositionMeasurement": ("object_id", {"pos": at}),
+            "spencer_tracking_msgs/msg/TrackedPerson": ("track_id", {"pose": self.make(covered, pose=pose)}),
+            "hunav_msgs/msg/Agent": ("id", {"position": pose}),
+            "pedsim_msgs/msg/AgentState": ("id", {"pose": pose}),
+            "vision_msgs/msg/Detection3D": ("id", {"bbox": self.box(pose), "tracking_id": str(name)}),
+            "leg_tracker/msg/Person": ("id", {"pose": pose}),
+            "nav2_dynamic_msgs/msg/Obstacle": ("uuid", {"position": at}),
+            "zed_msgs/msg/Object": (
+                "label_id",
+                {"label": "Person", "position": np.array([at.x, at.y, at.z], np.float32)},
+            ),
+        }[kind]
+        if id_field == "uuid":
+            name = self.make("unique_identifier_msgs/msg/UUID", uuid=np.full(16, int(name), np.uint8))
+        elif id_field in ("name", "object_id") or "vision" in kind:
+            name = str(name)
+        elif id_field:
+            name = int(name)
+        return self.make(kind, **place, **{id_field: name})
+
+    def box(self, pose):
+        return self.make("vision_msgs/msg/BoundingBox3D", center=pose)
+
+    def grid(self, frame="map"):
+        """Three by two cells of half a metre; the one at (1, 0) is occupied, the next one unknown."""
+        sizes = {"resolution": 0.5, "width": 3, "height": 2, "origin": self.pose(-1.0, 2.0)}
+        info = self.make("nav_msgs/msg/MapMetaData", **sizes)
+        data = np.array([0, 100, -1, 0, 0, 0], np.int8)
+        return self.make(GRID, header=self.header(0.0, frame), info=info, data=data)
+
+    def transform(self, parent, child, pose, time_s):
+        turn, offset = pose
+        rotation = self.make("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", turn.as_quat(), strict=True)))
+        translation = self.make("geometry_msgs/msg/Vector3", **dict(zip("xyz", offset, strict=True)))
+        made = self.make("geometry_msgs/msg/Transform", translation=translation, rotation=rotation)
+        named = {"header": self.header(time_s, parent), "child_frame_id": child, "transform": made}
+        return self.make(TF, transforms=[self.make("geometry_msgs/msg/TransformStamped", **named)])
+
+    def write(self, path, messages, storage=rosbag2.StoragePlugin.SQLITE3, times_s=None):
+        """Write (topic, type, message) tuples in order of time; without times, a nanosecond apart."""
+        ros2 = {"version": 9, "storage_plugin": storage}
+        self.fill(rosbag1.Writer(path) if self.ros1 else rosbag2.Writer(path, **ros2), messages, times_s)
+        return path
+
+    def fill(self, writer, messages, times_s=None):
+        """Write into a new bag."""
+        with writer:
+            known = {}
+            for count, (topic, kind, message) in enumerate(messages):
+                if topic not in known:
+                    known[topic] = writer.add_connection(topic, kind, typestore=self.types)
+                time_ns = count if times_s is None else round(times_s[count] * 1e9)
+                writer.write(known[topic], time_ns, self.raw(kind, message))
 
 
 def tracks_of(kind):
@@ -185,10 +137,12 @@ def tracks_of(kind):
     )
 
 
-def stream(store, kind, frame="map"):
-    yield "/map", "nav_msgs/msg/OccupancyGrid", store.grid()
-    for time_s in (0.0, 0.5, 1.0):
-        yield "/tracks", kind, store.people(kind, time_s, frame)
+def stream(store, kind=PEOPLE, frame="map", topic="/tracks"):
+    """A map, and the people of PATHS at three instants."""
+    yield "/map", GRID, store.grid()
+    for step in range(3):
+        here = {name: path[step] for name, path in PATHS.items()}
+        yield topic, kind, store.people(kind, step / 2, here, frame)
 
 
 def check(scene, names=tuple(PATHS)):
@@ -202,80 +156,45 @@ def check(scene, names=tuple(PATHS)):
     assert scene.detection_dt_s == pytest.approx(0.5)
 
 
-def bag(store, path, *instants, frame="map", kind=PEOPLE, grid=True):
-    """Write a bag; an instant is (time, {name: (x, y)}) or (time, [(name, (x, y)), ...])."""
-    messages = [("/map", "nav_msgs/msg/OccupancyGrid", store.grid())] if grid else []
-    for time_s, people in instants:
-        header = store.header(time_s, frame)
-        here = people.items() if isinstance(people, dict) else people
-        several = [store.person("people_msgs/msg/Person", who, store.pose(*at), header) for who, at in here]
-        messages.append(("/people", kind, store.make(kind, header=header, people=several)))
-    store.write(path, messages)
-    return path
+def bag(store, path, *instants, frame="map", grid=True):
+    """Write a bag; an instant is (time, places), see `Store.people`."""
+    messages = [("/map", GRID, store.grid())] if grid else []
+    messages += [("/people", PEOPLE, store.people(PEOPLE, time_s, here, frame)) for time_s, here in instants]
+    return store.write(path, messages)
 
 
-def transform(store, parent, child, pose, time_s):
-    turn, offset = pose
-    x, y, z, w = map(float, turn.as_quat())
-    rotation = store.make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
-    x, y, z = map(float, offset)
-    translation = store.make("geometry_msgs/msg/Vector3", x=x, y=y, z=z)
-    made = store.make("geometry_msgs/msg/Transform", translation=translation, rotation=rotation)
-    header = store.header(time_s, parent)
-    one = store.make(
-        "geometry_msgs/msg/TransformStamped", header=header, child_frame_id=child, transform=made
-    )
-    return store.make(TF, transforms=[one])
+def moving_bag(store, path, frame="base_link", seen=from_robot, tf_s=None, localised=False, grid=None):
+    """Write a bag with one who stands and one who walks before a robot, at 10 Hz for 5 s.
 
-
-def _two_people(store, time_s, frame, seen):
-    header, several = store.header(time_s, frame), []
-    for who, at in (("1", STANDING), ("2", WALKING + time_s * SPEED)):
-        x, y, z = map(float, seen(at, time_s))
-        pose = store.pose(x, y)
-        pose.position.z = z
-        several.append(store.person("people_msgs/msg/Person", who, pose, header))
-    return store.make(PEOPLE, header=header, people=several)
-
-
-def moving_messages(store, frame="base_link", seen=from_robot, tf_s=None, localised=False, grid=None):
-    """Who stands and who walks before a robot, at 10 Hz for 5 s, and transforms at 20 Hz between them."""
+    Transforms come at 20 Hz between them, or at `tf_s`; those from map to odom if it is `localised`.
+    """
     tf_s = np.arange(0, 5.2, 0.05) - 0.02 if tf_s is None else tf_s
     found = [(0.0, "/map", GRID, store.grid(grid))] if grid else []
     if frame == "camera":
-        found.append((0.0, "/tf_static", TF, transform(store, "base_link", "camera", CAMERA, 0.0)))
+        found.append((0.0, "/tf_static", TF, store.transform("base_link", "camera", CAMERA, 0.0)))
     for time_s in tf_s + 10.0:
-        found.append((time_s, "/tf", TF, transform(store, "odom", "base_link", robot(time_s), time_s)))
+        found.append((time_s, "/tf", TF, store.transform("odom", "base_link", robot(time_s), time_s)))
         if localised:
-            found.append((time_s, "/tf", TF, transform(store, "map", "odom", ODOM, time_s)))
+            found.append((time_s, "/tf", TF, store.transform("map", "odom", ODOM, time_s)))
     for time_s in 10.0 + np.arange(50) / 10:
-        found.append((time_s, "/people", PEOPLE, _two_people(store, time_s, frame, seen)))
-    return sorted(found, key=lambda one: one[0])
+        here = {"1": seen(STANDING, time_s), "2": seen(WALKING + time_s * SPEED, time_s)}
+        found.append((time_s, "/people", PEOPLE, store.people(PEOPLE, time_s, here, frame)))
+    found.sort(key=lambda one: one[0])
+    return store.write(path, [message for _, *message in found], times_s=[time_s for time_s, *_ in found])
 
 
-def write_timed(store, path, found):
-    """Write (time, topic, type, message) tuples in this order."""
-    store.write(path, [message for _, *message in found], times_s=[time_s for time_s, *_ in found])
-    return path
-
-
-def moving_bag(store, path, *given, **options):
-    """Write a bag of `moving_messages`."""
-    return write_timed(store, path, moving_messages(store, *given, **options))
-
-
-def check_moving(scene, pose=None, atol=1e-3):
-    """Where everybody is in odom, or in the frame in which odom has a pose."""
+def check_moving(scene, pose=None):
+    """People are where they were in odom, or in the frame in which odom has a pose."""
     turn, offset = pose or (Rotation.identity(), np.zeros(3))
     found = scene.trajectories
     time_s = found.time_s[found.track_id == 2]
     assert len(time_s) > 1
-    for who, at in ((1, STANDING + 0 * time_s[:, None]), (2, WALKING + time_s[:, None] * SPEED)):
+    for number, at in ((1, STANDING + 0 * time_s[:, None]), (2, WALKING + time_s[:, None] * SPEED)):
         expected = (turn.apply(at) + offset)[:, :2]
-        np.testing.assert_allclose(found.position[found.track_id == who], expected, atol=atol)
+        np.testing.assert_allclose(found.position[found.track_id == number], expected, atol=1e-3)
 
 
-def write_mcap(store, path, kind, encoding, schema, text=""):
+def write_mcap(store, path, kind, encoding, schema, is_defined=False):
     """Write the bag of `stream` as another recorder might: an encoding of messages and of definitions."""
     with path.open("wb") as file:
         writer = Writer(file, use_chunking=False, enable_crcs=False)
@@ -283,17 +202,13 @@ def write_mcap(store, path, kind, encoding, schema, text=""):
         channels = {}
         for count, (topic, name, message) in enumerate(stream(store, kind)):
             if topic not in channels:
-                said = name.replace("/msg/", "/") if encoding == "ros1" else name
-                known = writer.register_schema(said, schema, text and _definition(store, name))
+                title = name.replace("/msg/", "/") if encoding == "ros1" else name
+                text = store.types.generate_msgdef(name, ros_version=1 if store.ros1 else 2)[0]
+                known = writer.register_schema(title, schema, text.encode() if is_defined else b"")
                 channels[topic] = writer.register_channel(topic, encoding, known)
-            serialise = store.types.serialize_ros1 if encoding == "ros1" else store.types.serialize_cdr
-            writer.add_message(channels[topic], count, bytes(serialise(message, name)), count)
+            writer.add_message(channels[topic], count, store.raw(name, message), count)
         writer.finish()
     return path
-
-
-def _definition(store, kind):
-    return store.types.generate_msgdef(kind, ros_version=1 if store.ros1 else 2)[0].encode()
 
 
 def repacked(source, target, compression, **options):
@@ -301,10 +216,8 @@ def repacked(source, target, compression, **options):
     with source.open("rb") as old, target.open("wb") as new:
         writer = Writer(new, compression=compression, **options)
         writer.start("ros2")
-        reader, channels = make_reader(old), {}
-        for record in reader.iter_metadata():
-            writer.add_metadata(record.name, record.metadata)
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
+        channels = {}
+        for schema, channel, message in make_reader(old).iter_messages(log_time_order=False):
             if channel.id not in channels:
                 known = writer.register_schema(schema.name, schema.encoding, schema.data)
                 channels[channel.id] = writer.register_channel(channel.topic, "cdr", known)

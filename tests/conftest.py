@@ -78,11 +78,9 @@ def mixture(tmp_path_factory):
 @pytest.fixture(scope="session")
 def ros2():
     """Makes messages and bags of ROS 2."""
-    from rosbags.typesys import Stores
-
     from tests.bags import Store
 
-    return Store(Stores.ROS2_HUMBLE)
+    return Store()
 
 
 @pytest.fixture(scope="session")
@@ -114,7 +112,7 @@ def browser():
 
 
 LONGEST = [
-    "pipeline", "page_commands", "own_place", "adding_things", "broken_streams", "driving_trials",
+    "pipeline", "page_commands", "own_place", "adding_things", "broken_streams", "driving_study",
     "compile_cache", "package", "machines", "ablation", "worlds", "warm_up", "processes", "site",
     "formats", "laws", "config", "page", "house", "folds", "evaluate", "compiled", "driving",
     "evaluation_memory", "mixture",

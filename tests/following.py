@@ -1,6 +1,7 @@
-"""Messages as bytes for a follower, and its answers."""
+"""Messages as bytes for a follower, and what it publishes."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pedpred.online import OnlinePredictor
 from pedpred.ros.message_types import serialize
@@ -10,25 +11,28 @@ from pedpred.ros2.follower import Follower
 from pedpred.ros2.settings import NodeSettings
 from tests.bags import GRID, PEOPLE, TF
 
+UNMOVED = Rotation.identity(), np.zeros(3)
 
-def follower_of(**values):
-    """A follower that does not wait for a map, with some settings; for grids it has one without walls."""
+
+def follower_of(is_subscribed=lambda topic: True, clock=lambda: 0.0, **values):
+    """A follower that does not wait for a map, with some settings; for grids it has one of 60 m."""
     settings = NodeSettings(**{"use_map": False} | values)
-    return ready(Follower(OnlinePredictor.load(None, settings.online()), settings, clock=lambda: 0.0))
-
-
-def ready(follower):
-    """The follower, with a map of 60 m if its settings ask for grids."""
-    if follower.settings.occupancy_cell_m:
-        follower.map_came(grid(np.zeros((120, 120)), position={"x": -30.0, "y": -30.0}))
+    follower = Follower(OnlinePredictor.load(None, settings.online()), settings, is_subscribed, clock)
+    if settings.occupancy_cell_m:
+        follower.take_map(grid(np.zeros((120, 120)), position={"x": -30.0, "y": -30.0}))
     return follower
 
 
 def people(time_s, frame="map", **places):
     """A message of people; `places`: name -> x, y and perhaps z, m."""
+    return crowd(time_s, places.items(), frame)
+
+
+def crowd(time_s, pairs, frame="map"):
+    """A message of people; pairs of name, also the same one, and position."""
     here = [
         {"name": name, "position": dict(zip("xyz", map(float, (*at, 0.0)[:3]), strict=True))}
-        for name, at in places.items()
+        for name, at in pairs
     ]
     return serialize(PEOPLE, {"header": header(round(time_s * 1e9), frame), "people": here})
 
@@ -47,14 +51,38 @@ def transforms(*poses):
     return serialize(TF, {"transforms": list(poses)})
 
 
-def answered(follower, raw, now_s=0.0):
-    """Topic -> content of the answers to a message of people."""
-    follower.people_came(raw, 10**9, now_s)
-    return {answer.topic: answer.content for answer in follower.answers(now_s)}
+def move(follower, time_s, *poses, fixed=False):
+    """Send transforms of a time: (parent, child, (turn, offset))."""
+    sent = (transform(parent, child, *pose, time_s) for parent, child, pose in poses)
+    follower.inbox.take_transforms(transforms(*sent), time_s, fixed)
+
+
+def answered(follower, raw, now_s=0.0, clock_ns=10**9):
+    """Topic -> content of what is published for a message of people."""
+    follower.inbox.take_people(raw, clock_ns, now_s)
+    return contents(follower.outputs(now_s))
+
+
+def contents(outputs):
+    return {output.topic: output.content for output in outputs}
+
+
+def seen(published):
+    """Name -> ((x, y), (vx, vy)) of the people in a message of `predictions/people`."""
+    listed = published["predictions/people"]["people"]
+    return {
+        one["name"]: tuple((one[of]["x"], one[of]["y"]) for of in ("position", "velocity")) for one in listed
+    }
 
 
 def rows_of(cloud):
     return np.frombuffer(cloud["data"].tobytes(), ROW)
+
+
+def tracks_of(published):
+    """The numbers of all people in the table."""
+    rows = rows_of(published["predictions"])
+    return set((rows["track_high"].astype(np.int64) * 2**32 + rows["track_id"]).tolist())
 
 
 def grid(cells, yaw_rad=0.0, frame="map", **about):

@@ -3,10 +3,9 @@
 import numpy as np
 
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.evaluation.windows import find_windows
+from pedpred.evaluation.windows import window_rows
 from pedpred.features import ForecastProtocol
 from pedpred.forecasting import ForecastRequest
-from pedpred.forecasting.regions import Regions
 from pedpred.metrics import MetricScene
 from pedpred.report.findings import Paper
 from pedpred.report.methods import Methods
@@ -22,25 +21,9 @@ PAPER = load(Paper, read("report/paper"))
 
 def request_about(scene, table, rows=None, **given):
     """A request for some rows of a table at detections; by default for its windows."""
-    rows = find_windows(table, ForecastProtocol()) if rows is None else rows
+    rows = window_rows(table, ForecastProtocol(), scene.name)[0] if rows is None else rows
     usual = {"sizes": ForecastProtocol(), "tracker": None, "detection_interval_s": scene.detection_dt_s}
     return ForecastRequest(scene=scene, table=table, rows=rows, **usual | given)
-
-
-def along(learner, person, time_s, detection, seen, forecasts):
-    """Regions, or trust, after each instant, and the forecasts from it."""
-    for now_s in np.unique(time_s):
-        rows = np.flatnonzero(time_s == now_s)
-        known = float(now_s), person[rows], detection[rows], seen[rows]
-        learner, changed = learner.after(*known, forecasts.select(rows))
-        yield learner, changed
-
-
-def learned(predictions, person, time_s, detection, seen, noise_m=0.0):
-    """Forecasts of many instants with regions that learn."""
-    regions = Regions.unlearned(predictions.steps, noise_m)
-    instants = along(regions, person, time_s, detection, seen, predictions)
-    return Predictions.join([changed for _, changed in instants])
 
 
 def metric_scene(windows, occupancy=None, **given):

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from pedpred.settings import load
+from pedpred.settings import load, load_together
 from pedpred.simulation.arrangements import arrangements, parse_layouts, simulate_arrangement
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import Layout, TargetPool, layout_from
 from pedpred.simulation.settings import SimulationSettings, social_force_settings
 from pedpred.simulation.worlds import DRAWN_KINDS, SensingSettings, WorldSettings
+from stages.simulate import SetTracking
 
 CONF = Path(__file__).parents[1] / "conf"
 
@@ -48,9 +49,14 @@ def drawn(name):
     return layout_from(DRAWN[name], name)
 
 
+def data_set_of(row):
+    """The simulated set of a plain row of `conf/simulations`."""
+    return load_together([SimulationSettings, SetTracking], row)[0]
+
+
 def asked(row, layouts=DRAWN):
-    """The arrangements of a plain row of `conf/simulations`, in which the fields of `SetUse` may lack."""
-    data_set = SimulationSettings.parse(USE | row)
+    """The arrangements of a plain row of `conf/simulations`, which may lack `SetTracking`."""
+    data_set = data_set_of(USE | row)
     drawn = parse_layouts(layouts, data_set.drawn, SETTINGS)
     return arrangements(data_set, drawn, load(ClutterSettings, CLUTTER), SETTINGS)
 

@@ -180,9 +180,8 @@ def additions():
         "kind of simulated world": {
             "pedpred/simulation/worlds/toy.py": {"": world},
             "pedpred/simulation/worlds/world.py": {
-                after: f"{toy}, set_up_toy",
+                after: f"{worlds}.toy import set_up_toy",
                 "_SET_UP:": '    "toy": set_up_toy,',
-                "KINDS:": '    "toy": Kind(ToySettings, partial(_simulate_visitors, "toy")),',
             },
             "pedpred/simulation/worlds/settings.py": {
                 after: toy,

@@ -1,7 +1,6 @@
 """Bad arguments, outputs and interruptions of the command line: a message, before any work begins."""
 
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -15,8 +14,6 @@ from pedpred.command.arguments import check, parser
 from tests.conftest import ROOT
 
 SCENE = str(ROOT / "examples/crossing")
-BELOW = ["file", "/dev/full", "/proc", "x" * 300]
-"""Nothing can be written below these."""
 
 
 @pytest.fixture
@@ -46,35 +43,34 @@ def refusal(capsys, *arguments):
 
 
 @pytest.mark.parametrize(
-    ("command", "output"),
+    ("command", "outputs"),
     [
-        *(("convert -o", name) for name in ("", " ", "file", "/dev/full", "taken.mcap", "x.txt")),
-        *(("predict -o", name) for name in ("", ".", "folder", "/dev/full", "taken.mcap", "x", "x.json")),
-        *(("evaluate --json", name) for name in ("", " ", ".", "folder", "/dev/full", "x" * 300)),
-        *(("convert -o", f"{name}/{x}") for name in BELOW for x in ("x", "x.mcap")),
-        *(("predict -o", f"{name}/x.mcap") for name in BELOW),
-        *(("evaluate --json", f"{name}/x") for name in BELOW),
+        ("convert {} --force -o", "file /dev/full x.txt file/x file/x.mcap /proc/x"),
+        ("predict {} --force -o", ". folder /dev/full x x.json file/x.mcap /proc/x.mcap"),
+        ("evaluate {} --json", ". folder /dev/full file/x /proc/x"),
+        ("drive {} --table", "folder file/x.csv"),
+        ("drive {} --force --record", "folder x.csv file/x.mcap"),
+        ("drive {} --curves", "curves.svg file/x.png"),
     ],
 )
-def test_an_output_that_cannot_be_written_is_refused(command, output, here, capsys):
-    (here / "taken.mcap").mkdir()
-    action, option = command.split()
-    refusal(capsys, action, SCENE, option, output, *(["--force"] if option == "-o" else []))
-    assert sorted(os.listdir()) == ["file", "folder", "taken.mcap"]
+def test_an_output_that_cannot_be_written_is_refused(command, outputs, here, capsys):
+    for output in outputs.split():
+        refusal(capsys, *command.format(SCENE).split(), output)
+    assert sorted(os.listdir()) == ["file", "folder"]
     assert Path("file").read_text() == "precious"
 
 
 @pytest.mark.parametrize(
-    "command", ["convert {} -o file.mcap", "predict {} -o file.csv", "drive {} --record file.mcap"]
+    "command", ["convert {} -o x.mcap", "predict {} -o x.csv", "drive {} --record x.mcap"]
 )
-@pytest.mark.parametrize("there", ["file", "link", "layout"])
-def test_outputs_are_replaced_by_force_alone(command, there, here, capsys):
+def test_outputs_are_replaced_by_force_alone(command, here, capsys):
+    """The layout beside a recording is an output, too."""
     *_, name = command.split()
-    path = Path(name).with_suffix(".foxglove.json") if there == "layout" else Path(name)
-    path.symlink_to("nowhere") if there == "link" else path.write_text("precious")
-    if there != "layout" or name.endswith(".mcap"):
+    for there in (name, "x.foxglove.json") if name.endswith(".mcap") else (name,):
+        Path(there).write_text("precious")
         assert "--force" in refusal(capsys, *command.format(SCENE).split())
-        assert there == "link" or path.read_text() == "precious"
+        assert Path(there).read_text() == "precious"
+        Path(there).unlink()
 
 
 @pytest.mark.parametrize(("folder", "within"), [(".", ""), ("..", "deeper"), ("../hall", "")])
@@ -95,25 +91,28 @@ def test_an_input_is_never_the_output(here, capsys):
 @pytest.mark.parametrize(
     "arguments",
     [
-        *("--samples 0", "--samples 1.5", "--samples 1e9", "--seed -1", "--seed abc", "--moving-mps nan"),
-        *("--moving-mps 0", "--collision-m -1", "--step-s 0", "--step-s 0.4", "--model nowhere"),
-        *("--tracker nowhere.yaml", "--forecasts nowhere.csv", "--map nowhere", "--model folder"),
-        *(f"{SCENE} --forecasts file", "--json .", "--rate 0", "--columns time,id,x", "--unit mile"),
-        *("--no-map --map folder", "--no-map --map-topic /map", "--transform 0 0 90", "--homography file"),
+        *(
+            "--samples 0",
+            "--samples 1.5",
+            "--seed -1",
+            "--moving-mps nan",
+            "--collision-m -1",
+            "--step-s 0.4",
+        ),
+        *("--model nowhere", "--tracker nowhere", "--forecasts nowhere", "--map nowhere", "--rate 0"),
+        *("--columns time,id,x", "--unit mile", "--no-map --map folder", "--transform 0 0 90"),
+        *("--homography file", f"{SCENE} --forecasts file", "--json ."),
     ],
 )
-def test_an_argument_without_sense_is_named(arguments, here, capsys):
+def test_a_wrong_argument_is_named(arguments, here, capsys):
     text = refusal(capsys, "evaluate", SCENE, *arguments.split())
-    option = re.findall(r"--[\w-]+", arguments)[-1]
-    assert option in text or arguments.split()[-1] in text
+    assert any(word in text for word in arguments.split() if word != SCENE)
 
 
 @pytest.mark.parametrize("command", ["info", "evaluate", "predict", "convert -o new"])
-@pytest.mark.parametrize("name", ["gone.csv", "pipe.csv"])
-def test_a_missing_input_is_named_before_any_is_read(command, name, here, capsys):
-    os.mkfifo("pipe.csv")
-    scenes = [SCENE, name] if command in ("info", "evaluate") else [name]
-    assert name in refusal(capsys, *command.split(), *scenes)
+def test_a_missing_input_is_named_before_any_is_read(command, here, capsys):
+    scenes = [SCENE, "gone.csv"] if command in ("info", "evaluate") else ["gone.csv"]
+    assert "gone.csv" in refusal(capsys, *command.split(), *scenes)
 
 
 @pytest.mark.parametrize(
@@ -123,9 +122,7 @@ def test_an_error_names_the_option_that_was_given(option, value, capsys):
     assert f"{option} = " in refusal(capsys, "info", SCENE, option, value)
 
 
-@pytest.mark.parametrize(
-    "columns", ["time,id,x,y", "time, id, x, y", "time=t,id=n,x=px,y=py", "y=py, x=px,id=n,time=t"]
-)
+@pytest.mark.parametrize("columns", ["time, id, x, y", "time=t,id=n,x=px,y=py"])
 def test_columns_are_named_by_order_or_title(columns, tmp_path, capsys):
     header = "t,n,px,py\n" if "=" in columns else ""
     (tmp_path / "walk.csv").write_text(f"{header}0,1,0,0\n0.4,1,0.4,0\n")

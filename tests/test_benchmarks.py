@@ -1,25 +1,17 @@
 """Benchmarks: tables, times and busy processes, and each benchmark at its smallest size."""
 
 import dataclasses
-import math
-import re
-import shlex
 import subprocess
 import sys
 from itertools import product
-from pathlib import Path
 
-import numpy as np
 import pytest
 
-from benchmarks import driving, people, robustness, tables
+from benchmarks import driving, robustness, tables
 from benchmarks.ros import end
-from benchmarks.timing import busy, slowdown
 from benchmarks.train import cases
 from pedpred.driving.measures import Measures
 from pedpred.driving.table import Condition, Row, write_table
-from pedpred.errors import InputError
-from pedpred.plain import parse_json
 from pedpred.training.distributed import ALONE
 from pedpred.training.loop import train_step
 from tests.conftest import ROOT
@@ -40,18 +32,6 @@ def test_processes_that_ignore_the_request_to_end_are_killed():
     assert [process.poll() for process in started] == [-15, -9, -9]
 
 
-def test_a_slowdown_is_the_ratio_of_the_medians():
-    times = iter(np.arange(6.0)[:, None] + 1)  # alone, beside, alone, ...
-    found = slowdown(lambda: next(times), 1)
-    assert (found["alone_ms"], found["beside_them_ms"], found["ratio"]) == (3.0, 4.0, 4 / 3)
-
-
-def test_busy_processes_end_with_their_block():
-    with busy(2) as started:
-        assert all(process.poll() is None for process in started)
-    assert all(process.poll() is not None for process in started)
-
-
 @pytest.mark.parametrize("name", ["lstm_nogrid", "mixture_small"])
 def test_a_measured_step_is_one_of_the_training(name):
     case = cases()[name](ALONE)
@@ -65,12 +45,6 @@ def test_a_measured_step_is_one_of_the_training(name):
 
 
 # Tables
-
-
-def test_figures_that_are_not_finite_are_kept_as_null(tmp_path):
-    tables.keep({"rows": [{"ms": 1.5, "routing_s": math.nan}]}, tmp_path / "new" / "figures.json")
-    kept = parse_json((tmp_path / "new" / "figures.json").read_text())
-    assert kept == {"rows": [{"ms": 1.5, "routing_s": None}]}
 
 
 def test_a_table_is_written_between_its_marks(tmp_path):
@@ -117,62 +91,13 @@ def test_noise_increases_errors(small):
         assert float(exact.split()[0]) < float(noisy.split()[0])
 
 
-def test_lone_people_and_corridors_have_a_row_per_case(small):
-    (turns,) = small("curves", "--people", "3")
-    assert re.fullmatch(r"[\d.]+ / [\d.]+( \([\d.]+\))?", turns["2.5 Hz"])
-    (shares,) = small("corridors", "--people", "1")
-    assert all(np.isfinite(value) for name, value in shares.items() if name != "width, m")
-
-
 def test_bias_has_the_truth_beside_constant_velocity(small):
     for row in small("bias", WALK):
         assert row["windows"] >= robustness.FEWEST_WINDOWS
         assert row["truth"] < row["cv"]  # people turn at the corner
 
 
-def test_straight_walkers_are_circles_of_infinite_radius():
-    """Both walk at the same speed."""
-    for walk in (people.straight, people.circling):
-        steps = np.linalg.norm(walk(0.01) - walk(0.0), axis=-1)
-        np.testing.assert_allclose(steps, 0.01 * people.SPEED_MPS, rtol=1e-4)
-
-
-def test_all_rates_have_the_same_windows(monkeypatch, small):
-    monkeypatch.setattr(robustness, "RATES_HZ", (1.0, 2.5))
-    columns = [list(row) for row in small("rates", WALK)]
-    assert columns[0] == columns[1]
-    assert len(columns[0]) == 4
-
-
-def test_a_corridor_is_as_wide_as_asked():
-    ground = people.corridor(2.0)
-    points = np.stack([np.full(3, 10.0), [0.0, 0.9, 1.1]], axis=-1)
-    assert ground.is_occupied(points).tolist() == [False, False, True]
-
-
 # Pages
-
-
-def commands_that_write():
-    """Module and arguments of the commands of the pages that write tables."""
-    for page in sorted((ROOT / "docs").glob("*.md")):
-        for line in re.findall(r"^python -m benchmarks\..* --write\b.*$", page.read_text(), re.MULTILINE):
-            words = shlex.split(line, comments=True)
-            yield words[2], words[3:]
-
-
-def test_every_table_of_a_study_has_a_command_on_its_page():
-    studies = {words[0] for module, words in commands_that_write() if module == "benchmarks.robustness"}
-    assert studies == set(robustness.STUDIES)
-    for name, study in robustness.STUDIES.items():
-        assert f"<!-- table: {name} -->" in (ROOT / study.page).read_text()
-
-
-@pytest.mark.parametrize("option", ["--model models/online/small", "--people 3", "--trust"])
-def test_a_page_is_not_written_with_other_options(option, monkeypatch):
-    monkeypatch.setattr(robustness, "show", lambda *_: pytest.fail("it measured"))
-    with pytest.raises(SystemExit, match="2"):
-        robustness.main(["curves", "--write", *option.split()])
 
 
 # Drives
@@ -197,12 +122,3 @@ def test_tables_of_drives_have_the_places_of_their_methods(tmp_path):
     assert tables_of["extremes"] == [{"place": "a", "`standing`": "2 of 4", "`true_future`": "2 of 4"}]
     places = {key for row in tables_of["curves"] for key in row if "episodes" in key}
     assert places == {"a (4 episodes)", "b (4 episodes)"}
-
-
-@pytest.mark.parametrize("second", [drives("a", "kalman"), []], ids=["same place", "no drives"])
-def test_each_table_of_drives_has_a_place_of_its_own(tmp_path, second):
-    write_table(tmp_path / "one.csv", drives("a", "modes"))
-    write_table(tmp_path / "other.csv", second)
-    with pytest.raises(InputError) as error:
-        driving.drives_in([tmp_path / "one.csv", tmp_path / "other.csv"])
-    assert Path(error.value.path).name == "other.csv"

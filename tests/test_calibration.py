@@ -5,24 +5,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.baselines.kalman import kalman_covariance
-from pedpred.evaluation import EvaluationSettings, Scores, summarise_methods
+from pedpred.baselines.present_motion import kalman_covariance
 from pedpred.geometry import rotate, rotated_covariance
 from pedpred.metrics.calibration import (
     COARSE,
     FINE,
     REGIONS,
     coverage,
-    describe,
     negative_log_likelihood,
-    radius2,
     share_inside,
-    share_reached,
     squared_mahalanobis,
 )
 from pedpred.scenes import Predictions
 from pedpred.tracking import KalmanSettings, follow
-from tests.test_tracking import model_walks
+from tests.model_walks import model_walks
 
 TRACKER = KalmanSettings(acceleration_noise=0.02, position_noise_m=0.05)
 
@@ -30,14 +26,6 @@ TRACKER = KalmanSettings(acceleration_noise=0.02, position_noise_m=0.05)
 def some_covariance(rng, rows):
     root = rng.normal(size=(rows, 2, 2))
     return root @ np.swapaxes(root, -1, -2) + 0.01 * np.eye(2)
-
-
-def test_by_hand():
-    """3 m off along an axis of standard deviation 1.5 m: 2 of them."""
-    covariance = np.diag([2.25, 1.0])
-    assert squared_mahalanobis(np.array([3.0, 0.0]), covariance) == pytest.approx(4.0)
-    assert negative_log_likelihood(np.array(4.0), covariance) == pytest.approx(2 + np.log(2 * np.pi * 1.5))
-    assert radius2(0.95) == pytest.approx(5.99146, abs=1e-5)
 
 
 @settings(max_examples=25)
@@ -71,20 +59,6 @@ def test_turning_the_world_changes_no_region_of_several_modes(seed, angle):
         )  # but where a point is exactly as likely as the truth
 
 
-def test_turning_by_a_right_angle_swaps_the_axes():
-    turned = rotated_covariance(np.array([[[4.0, 0.5], [0.5, 1.0]]]), np.array([np.pi / 2]))
-    np.testing.assert_allclose(turned, [[[1.0, -0.5], [-0.5, 4.0]]], atol=1e-12)
-
-
-def test_what_is_drawn_from_a_gaussian_lies_in_its_regions():
-    rng = np.random.default_rng(0)
-    covariance = some_covariance(rng, 20000)[:, None]
-    error = (np.linalg.cholesky(covariance) @ rng.normal(size=(20000, 1, 2, 1)))[..., 0]
-    inside = share_inside(Predictions.single(np.zeros_like(error), 0.3, covariance), error)
-    for share in REGIONS:
-        assert coverage(inside, share) == pytest.approx(share, abs=0.01)
-
-
 def some_modes(rng, rows, weight):
     """Predictions of one step; the modes overlap here and there."""
     path = rng.normal(size=(rows, len(weight), 1, 2))
@@ -103,21 +77,6 @@ def test_what_is_drawn_from_several_modes_lies_in_their_regions():
         assert coverage(inside, share) == pytest.approx(share, abs=0.02)
 
 
-@settings(max_examples=25)
-@given(st.integers(0, 2**32 - 1), st.lists(st.floats(0.01, 1.0), min_size=2, max_size=6))
-def test_shares_with_limits_are_on_the_same_side_of_each(seed, weights):
-    rng, limits, modes = np.random.default_rng(seed), np.array(REGIONS), np.empty((len(weights), 9))
-    forecast = some_modes(rng, 20, np.sort(weights)[::-1] / np.sum(weights))
-    truth = rng.normal(size=(20, 1, 2))
-    exact = share_inside(forecast, truth, COARSE)
-    for row in range(20):
-        for k, weight in enumerate(forecast.weight[row]):
-            (x, y), sigma = forecast.path[row, k, 0] - truth[row, 0], forecast.covariance[row, k, 0]
-            describe(modes[k], x, y, sigma[0, 0], sigma[1, 0], sigma[1, 1], weight)
-        share = share_reached(modes, COARSE, limits)
-        np.testing.assert_array_equal(share > limits, exact[row] > limits)
-
-
 def test_one_mode_written_as_several_has_the_same_regions():
     rng = np.random.default_rng(1)
     one = some_modes(rng, 200, np.array([1.0]))
@@ -128,15 +87,7 @@ def test_one_mode_written_as_several_has_the_same_regions():
     assert np.abs(share_inside(four, truth) - share_inside(one, truth)).mean() < 0.05
 
 
-def test_figures_of_calibration_appear_where_a_covariance_is_given():
-    values = {"nll": np.array([0.5, 1.5])}
-    scores = Scores(np.array([0, 1]), values, np.zeros((2, 1)), np.array([[0.3], [0.93]]), np.ones((2, 1)))
-    found = summarise_methods({"m": scores}, "m", EvaluationSettings(bootstrap=10))["m"]
-    assert (found["nll"], found["per_step_nll"]) == (1.0, [1.0])
-    assert [found[f"per_step_coverage_{p}"] for p in (50, 90, 95)] == [[0.5], [0.5], [1.0]]
-
-
-def test_the_trackers_own_covariance_holds_in_the_trackers_own_world():
+def test_covariances_of_the_tracker_hold_in_its_own_model():
     rng, dt_s, known, ahead = np.random.default_rng(1), 0.4, 6, 5
     q, r = TRACKER.acceleration_noise, TRACKER.position_noise_m
     walks = model_walks(rng, q, r, np.full((4000, known + ahead), dt_s))

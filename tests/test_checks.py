@@ -42,7 +42,7 @@ def test_the_order_of_id_and_frame_is_found_in_any_order_of_lines(
 
 
 @pytest.mark.parametrize("ids_first", [True, False])
-def test_times_and_words_without_a_header_say_which_column_they_are(tmp_path, ids_first):
+def test_times_and_words_tell_columns_without_a_header_apart(tmp_path, ids_first):
     rows = walkers(3, 20, 0)
     for column, k_s in ((lambda who: who, 0.4), (lambda who: f"ped{who}", 1)):
         texts = [(column(who), k * k_s, x, y) for who, k, x, y in rows]
@@ -52,10 +52,10 @@ def test_times_and_words_without_a_header_say_which_column_they_are(tmp_path, id
         np.testing.assert_allclose(found.trajectories.time_s.max(), 0.4 * max(k for _, k, *_ in rows))
 
 
-def test_where_the_order_stays_open_it_is_asked_for(tmp_path):
+def test_an_order_that_stays_open_must_be_given(tmp_path):
     rows = [(who, k, 0.5 * k, 0.5 * who) for who in range(9) for k in range(9)]
     (tmp_path / "walk.txt").write_text("\n".join(" ".join(map(str, row)) for row in rows))
-    with pytest.raises(InputError, match="--columns id,frame,x,y, or --columns frame,id,x,y"):
+    with pytest.raises(InputError, match="--columns"):
         read_recording(tmp_path / "walk.txt", ReadOptions(rate_hz=2.0))
     read_recording(tmp_path / "walk.txt", ReadOptions(columns=("id", "frame", "x", "y"), rate_hz=2.0))
 
@@ -63,9 +63,7 @@ def test_where_the_order_stays_open_it_is_asked_for(tmp_path):
 def test_a_column_that_never_changes_is_no_position(tmp_path):
     rows = [(k, who, x, 0.0, y) for who, k, x, y in walkers(3, 20, 0)]
     (tmp_path / "obsmat.txt").write_text("\n".join(" ".join(map(str, row)) for row in rows))
-    with pytest.raises(
-        InputError, match=r"column 4 should be y, but it is 0 in all lines.*frame,id,x,height,y"
-    ):
+    with pytest.raises(InputError, match="--columns"):
         read_recording(tmp_path / "obsmat.txt", ReadOptions(rate_hz=2.5))
 
 
@@ -87,20 +85,11 @@ def test_impossible_speeds_are_refused_unless_any_speed_is_read(factor):
     np.testing.assert_allclose(check(people, "walk.csv", any_speed=True), 0.4)
 
 
-@pytest.mark.parametrize(
-    ("factor", "unit"),
-    [
-        (1e3, "milliseconds or frame numbers"),
-        (1e6, "microseconds"),
-        (1e9, "nanoseconds|convert ms, us or ns"),
-        (15, "frame numbers"),
-    ],
-)
-def test_a_clock_that_does_not_count_seconds_is_recognised(tmp_path, factor, unit):
-    lines = [f"{0.4 * factor * k},{who},{x},{y}" for who, k, x, y in walkers(3, 20, 0)]
-    (tmp_path / "walk.csv").write_text("\n".join(["time,id,x,y", *lines]))
-    with pytest.raises(InputError, match=unit):
-        read_recording(tmp_path / "walk.csv")
+@pytest.mark.parametrize("factor", [15, 1e3, 1e6])
+def test_a_clock_that_does_not_count_seconds_is_refused(factor):
+    with pytest.raises(ContentError) as refused:
+        check(crowd(clock=factor), "walk.csv")
+    assert all(option in refused.value.remedy for option in ("t_ms", "--rate"))
 
 
 def test_speeds_are_measured_along_tracks():
@@ -119,13 +108,4 @@ def test_odd_speeds_give_one_warning(factor, caplog):
 def test_a_real_recording_is_read_without_a_warning(name, caplog):
     with caplog.at_level(logging.WARNING):
         read_recording(ROOT / "examples" / name, ReadOptions(rate_hz=25.0 if "zara" in name else None))
-    assert not caplog.text
-
-
-def test_people_who_start_together_where_others_were_are_no_cause_to_warn(tmp_path, caplog):
-    """As in tables of Pathfinder: 150 people begin at 0 s."""
-    rows = [(0.5 * k, who, who % 15 + 0.6 * k, who // 15) for who in range(150) for k in range(20)]
-    text = "\n".join(["t,id,x,y", *(",".join(map(str, row)) for row in rows)])
-    (tmp_path / "pathfinder.csv").write_text(text)
-    read_recording(tmp_path / "pathfinder.csv")
     assert not caplog.text

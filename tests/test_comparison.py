@@ -2,14 +2,13 @@
 
 import copy
 import json
-import subprocess
 import sys
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pedpred.errors import InputError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.metrics import METRICS, Metric
 from pedpred.report.comparison import changes, changes_table, metrics_at, metrics_now
 from tests.plain_git import git
@@ -53,13 +52,13 @@ def test_a_figure_is_judged_by_its_earlier_interval(ade_m):
     assert set(found.values()) == {"same"}
 
 
-def test_a_paired_difference_is_judged_by_its_own_narrow_interval():
+def test_a_paired_difference_is_judged_by_its_own_interval():
     found = verdicts(changed(ade_m=0.53, ade_m_minus_reference=-0.07))
     assert found["hall", "lstm", "ade_m"] == "within"
     assert found["hall", "lstm", "ade_m_minus_reference"] == "worse"
 
 
-def test_a_difference_that_moves_with_the_reference_alone_is_not_judged():
+def test_a_difference_moved_by_the_reference_is_not_judged():
     """A better reference makes the differences of methods worse that stayed as they were."""
     after = changed(ade_m_minus_reference=0.3)
     assert verdicts(after)["hall", "lstm", "ade_m_minus_reference"] == "reference"
@@ -75,7 +74,7 @@ def test_a_metric_that_should_be_high_is_worse_when_it_falls(monkeypatch):
     assert (fallen["hall", "lstm", "hit_rate"], risen["hall", "lstm", "hit_rate"]) == ("worse", "better")
 
 
-def test_a_figure_that_moved_without_an_earlier_interval_is_listed_and_not_judged():
+def test_a_figure_without_an_earlier_interval_is_not_judged():
     unknown = {"ade_m_ci95": [None, None]}
     before = changed(**unknown)
     assert set(verdicts(before, before).values()) == {"same"}
@@ -126,27 +125,5 @@ def test_the_gate_fails_when_a_figure_got_worse(repository, monkeypatch, capsys,
 
 
 def test_an_unknown_revision_is_named(repository):
-    with pytest.raises(ValueRuleError, match="no-such"):
+    with pytest.raises(ValueRuleError):
         metrics_at("no-such", repository)
-
-
-def test_a_folder_that_is_not_there_or_in_no_repository_is_named_and_not_the_revision(tmp_path):
-    for folder in (tmp_path / "nowhere", tmp_path):
-        with pytest.raises(InputError, match=f"^{folder}: .*Name a folder of metrics in a git repository"):
-            metrics_at("HEAD", folder)
-
-
-def test_a_comparison_of_nothing_fails(repository, monkeypatch):
-    (repository.parent / "ade").mkdir()
-    (repository.parent / "ade" / "sim.json").write_text('{"hall": {"lstm": 0.5}}')
-    monkeypatch.setattr(sys, "argv", ["compare", "HEAD", "--folder", str(repository.parent / "ade")])
-    with pytest.raises(SystemExit, match="ade: no figures with intervals are there, neither now nor at HEAD"):
-        compare.main()
-
-
-def test_metrics_of_any_file_name_are_found_at_a_revision(repository):
-    (repository / "größe.json").write_text(json.dumps(BEFORE["sim"]))
-    git(repository, "add .")
-    tree = subprocess.run(["git", "write-tree"], cwd=repository, capture_output=True, text=True, check=True)
-    found = metrics_at(tree.stdout.strip(), repository)
-    assert sorted(found) == ["größe", "sim"]

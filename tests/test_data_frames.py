@@ -70,14 +70,6 @@ def test_a_map_may_be_an_object_or_a_path(tmp_path, forecasts):
     np.testing.assert_allclose(pedpred.predict(WALKS, str(tmp_path)).x, with_map.x)
 
 
-def test_a_map_may_be_a_geometry(tmp_path, forecasts):
-    """Walls that cross the way of both people change where they are forecast."""
-    (tmp_path / "room.wkt").write_text("POLYGON ((-1 0, 4 0, 4 5, -1 5, -1 0))")
-    found = pedpred.predict(WALKS, tmp_path / "room.wkt")
-    assert_equal(found, by_command(WALKS, tmp_path, "--map", str(tmp_path / "room.wkt")))
-    assert not np.allclose(found.x, forecasts.x)
-
-
 @pytest.mark.parametrize(
     "change",
     [

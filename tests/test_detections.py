@@ -11,7 +11,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.ros.detections import DetectionFrame, find_usable
 from pedpred.ros.people import PEOPLE_FIELDS, PeopleFields, parse_fields
 from pedpred.scenes import Trajectories
-from tests.bags import Filled
+from tests.bags import Store
 
 BOXES = "vision_msgs/msg/Detection3DArray"
 ANY = PeopleFields("people", id="id", position="position", label="label")
@@ -23,6 +23,10 @@ def message_of(*people, sec=1, frame="map"):
 
 def person(number, position, label="person"):
     return Message(id=number, position=position, label=label)
+
+
+def frame_of(message, fields=ANY, received_ns=0, **classes):
+    return DetectionFrame.from_message(message, fields, received_ns, **classes)
 
 
 def point(x, y, z=0.0):
@@ -47,77 +51,62 @@ def test_a_notation_that_is_not_understood_is_refused(text):
     [
         (7, "7"),
         ("anna", "anna"),
-        (-1, "-1"),
         (2**64 - 1, "-1"),
-        (np.arange(16, dtype=np.uint8), "000102030405060708090a0b0c0d0e0f"),
+        (np.arange(4, dtype=np.uint8), "00010203"),
         (b"\x0a\xff", "0aff"),
     ],
 )
 def test_ids_are_text(written, text):
-    seen = DetectionFrame.from_message(message_of(person(written, point(0.0, 0.0))), ANY, 0)
-    assert seen.ids == (text,)
+    assert frame_of(message_of(person(written, point(0.0, 0.0)))).ids == (text,)
 
 
 @pytest.mark.parametrize(
-    "position", [point(1.0, 2.0, 3.0), [1.0, 2.0, 3.0], np.array([1.0, 2.0, 3.0], np.float32)]
+    ("position", "expected"),
+    [
+        (point(1.0, 2.0, 3.0), [1, 2, 3]),
+        ([1.0, 2.0, 3.0], [1, 2, 3]),
+        (np.array([1.0, 2.0], np.float32), [1, 2, 0]),
+        (Message(x=3.0, y=4.0), [3, 4, 0]),
+        (point(np.nan, 2.0), [np.nan, 2, 0]),
+        (point(1e300, 2.0), [np.nan, 2, 0]),
+    ],
+    ids=str,
 )
-def test_positions_are_messages_or_arrays(position):
-    seen = DetectionFrame.from_message(message_of(person(1, position)), ANY, 0)
-    assert seen.places.tolist() == [[1.0, 2.0, 3.0]]
+def test_positions_are_messages_or_arrays(position, expected):
+    np.testing.assert_array_equal(frame_of(message_of(person(1, position))).positions, [expected])
 
 
 def test_a_list_of_positions_is_a_list_of_people():
-    message = message_of(point(1.0, 2.0), point(3.0, 4.0))
-    seen = DetectionFrame.from_message(message, parse_fields("people,position="), 0)
-    assert seen.places.tolist() == [[1, 2, 0], [3, 4, 0]]
-    assert seen.ids == ("", "")
+    found = frame_of(message_of(point(1.0, 2.0), point(3.0, 4.0)), parse_fields("people,position="))
+    assert found.positions.tolist() == [[1, 2, 0], [3, 4, 0]]
+    assert found.ids == ("", "")
 
 
-def test_positions_may_lack_a_height():
-    flat = [person(1, [1.0, 2.0]), person(2, Message(x=3.0, y=4.0))]
-    assert DetectionFrame.from_message(message_of(*flat), ANY, 0).places.tolist() == [[1, 2, 0], [3, 4, 0]]
-
-
-@pytest.mark.parametrize("wrong", [np.nan, np.inf, 1e300])
-def test_impossible_coordinates_are_unknown(wrong):
-    places = DetectionFrame.from_message(message_of(person(1, point(wrong, 2.0))), ANY, 0).places
-    np.testing.assert_array_equal(places, [[np.nan, 2.0, 0.0]])
-
-
-@pytest.mark.parametrize("field", ["people", "id", "position", "label"])
-def test_a_field_that_is_not_there_is_an_error(field):
+@pytest.mark.parametrize(
+    "wrong",
+    [{"people": "other"}, {"people": "header.frame_id"}, {"id": "x"}, {"position": "x"}, {"label": "x"}],
+    ids=str,
+)
+def test_a_field_that_is_not_there_is_an_error(wrong):
     with pytest.raises(ValueRuleError):
-        DetectionFrame.from_message(message_of(person(1, point(0, 0))), ANY._replace(**{field: "other"}), 0)
+        frame_of(message_of(person(1, point(0, 0))), ANY._replace(**wrong))
 
 
-@pytest.mark.parametrize("field", ["id", "header.frame_id"])
-def test_a_list_that_is_none_is_an_error(field):
-    with pytest.raises(ValueRuleError):
-        DetectionFrame.from_message(message_of(), ANY._replace(people=field), 0)
+@pytest.mark.parametrize(("sec", "time_s"), [(0, 5.0), (3, 3.0)])
+def test_a_message_without_a_stamp_is_of_its_arrival(sec, time_s):
+    found = frame_of(message_of(person(1, point(0, 0)), sec=sec), received_ns=5 * 10**9)
+    assert (found.time_s, found.is_stamped) == (time_s, sec > 0)
 
 
-def test_a_message_without_a_stamp_is_of_its_arrival():
-    seen = DetectionFrame.from_message(message_of(person(1, point(0, 0)), sec=0), ANY, 5 * 10**9)
-    assert (seen.time_s, seen.is_stamped) == (5.0, False)
-    seen = DetectionFrame.from_message(message_of(person(1, point(0, 0)), sec=3), ANY, 5 * 10**9)
-    assert (seen.time_s, seen.is_stamped) == (3.0, True)
-
-
-@pytest.mark.parametrize(("outer", "frame"), [("/map", "map"), ("", "camera")])
-def test_the_frame_is_that_of_the_message(outer, frame):
-    """Or of its detections, where it names none."""
+@pytest.mark.parametrize(
+    ("outer", "expected"), [("/map", ("map", 1.0)), ("", ("camera", 1.0)), (None, ("camera", 9.0))]
+)
+def test_the_header_of_detections_counts_if_there_is_no_other(outer, expected):
     one = person(1, point(0, 0))
     one.header = Message(stamp=Message(sec=9, nanosec=0), frame_id="camera")
-    seen = DetectionFrame.from_message(message_of(one, frame=outer), ANY, 0)
-    assert (seen.frame, seen.time_s) == (frame, 1.0)
-
-
-def test_a_message_may_have_headers_in_its_detections_alone():
-    """As markers have."""
-    one = person(1, point(0, 0))
-    one.header = Message(stamp=Message(sec=9, nanosec=0), frame_id="camera")
-    seen = DetectionFrame.from_message(Message(people=[one]), ANY, 0)
-    assert (seen.frame, seen.time_s) == ("camera", 9.0)
+    message = Message(people=[one]) if outer is None else message_of(one, frame=outer)
+    found = frame_of(message)
+    assert (found.frame, found.time_s) == expected
 
 
 # Classes
@@ -138,14 +127,14 @@ def test_a_message_may_have_headers_in_its_detections_alone():
 def test_only_people_are_taken_among_classes(labels, classes, kept):
     people = [person(k, point(0.0, 0.0), label) for k, label in enumerate(labels)]
     given = {} if classes is None else {"classes": classes}
-    seen = DetectionFrame.from_message(message_of(*people), ANY, 0, **given)
+    seen = frame_of(message_of(*people), **given)
     assert seen.ids == tuple(map(str, kept))
     assert sorted(seen.others) == sorted(label for k, label in enumerate(labels) if k not in kept)
 
 
 def boxes(*results, edition=0, centre=(0.0, 0.0)):
     """A detection of vision_msgs; a result is (class, score, x of its pose)."""
-    store, made = Filled(edition), []
+    store, made = Store(edition), []
     for label, score, x in results:
         pose = store.make("geometry_msgs/msg/PoseWithCovariance", pose=store.pose(x, 1.0))
         if edition == 0:
@@ -155,7 +144,7 @@ def boxes(*results, edition=0, centre=(0.0, 0.0)):
             likely = {"id": label, "score": score}
         made.append(store.make("vision_msgs/msg/ObjectHypothesisWithPose", **likely, pose=pose))
     box = store.make("vision_msgs/msg/BoundingBox3D", center=store.pose(*centre))
-    one = store.make("vision_msgs/msg/Detection3D", results=made, bbox=box, id="7")
+    one = store.make("vision_msgs/msg/Detection3D", results=made, bbox=box, id="7", tracking_id="7")
     return store.make(BOXES, header=store.header(1.0, "map"), detections=[one])
 
 
@@ -163,14 +152,14 @@ def boxes(*results, edition=0, centre=(0.0, 0.0)):
 def test_the_likeliest_class_of_a_box_counts(edition):
     fields = PEOPLE_FIELDS[BOXES]
     likely = boxes(("person", 0.3, 4.0), ("chair", 0.6, 5.0), edition=edition)
-    assert DetectionFrame.from_message(likely, fields, 0).others == ("chair",)
-    assert DetectionFrame.from_message(boxes(edition=edition), fields, 0).ids == ("7",)
+    assert frame_of(likely, fields).others == ("chair",)
+    assert frame_of(boxes(edition=edition), fields).ids == ("7",)
 
 
 @pytest.mark.parametrize(("centre", "x"), [((3.0, 0.0), 3.0), ((0.0, 0.0), 5.0)])
 def test_a_box_without_a_centre_is_at_its_likeliest_pose(centre, x):
     message = boxes(("person", 0.3, 4.0), ("person", 0.6, 5.0), centre=centre)
-    assert DetectionFrame.from_message(message, PEOPLE_FIELDS[BOXES], 0).places[0, 0] == x
+    assert frame_of(message, PEOPLE_FIELDS[BOXES]).positions[0, 0] == x
 
 
 def test_the_robot_of_a_simulator_is_left_out():
@@ -178,7 +167,7 @@ def test_the_robot_of_a_simulator_is_left_out():
     message = message_of()
     message.agent_states = agents
     fields = PEOPLE_FIELDS["pedsim_msgs/msg/AgentStates"]
-    assert DetectionFrame.from_message(message, fields, 0).ids == ("0", "1", "3")
+    assert frame_of(message, fields).ids == ("0", "1", "3")
 
 
 # Doubles

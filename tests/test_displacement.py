@@ -48,7 +48,7 @@ def test_a_forecast_is_bold_if_it_is_off_by_a_tenth_and_by_10_cm(speed_mps, fact
     assert found.startswith("**") == strong
 
 
-def test_groups_of_few_people_are_left_out_and_scenes_of_a_place_are_pooled():
+def test_scenes_are_pooled_and_few_people_left_out():
     few = walkers(1.2, 1.0, 0.0, FEWEST // 2)
     assert rows_of(street=[few]) == []
     assert [row[2] for row in rows_of(street=[few, few])] == [str(FEWEST)]

@@ -11,9 +11,8 @@ from pedpred.settings import load
 from pedpred.simulation.arrangements import rooms
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import WALL_CELLS, Layout
-from pedpred.simulation.settings import SimulationSettings
 from pedpred.simulation.shapes import Circle, Rectangle
-from tests.simulated import CLUTTER, DRAWN, drawn, read
+from tests.simulated import CLUTTER, DRAWN, data_set_of, drawn, read
 
 NEARLY_EQUAL = 0.5
 RASTER = slice(2, None, 5)  # of the map's cells: points 0.5 m apart
@@ -64,7 +63,7 @@ def test_a_room_nearly_equals_itself_however_turned_and_lengthened():
 def test_no_test_room_nearly_equals_a_training_room():
     layouts, rows = {name: drawn(name) for name in DRAWN}, read("simulations/rooms")
     made = {
-        key: rooms(SimulationSettings.parse(rows[key]), layouts, load(ClutterSettings, CLUTTER))
+        key: rooms(data_set_of(rows[key]), layouts, load(ClutterSettings, CLUTTER))
         for key in ("corridor", "main", "sim_test")
     }
     trained = [layout for key in ("corridor", "main") for layout, _ in made[key].values()]

@@ -38,116 +38,61 @@ def test_a_table_is_the_same_however_it_grew(tmp_path, capsys):
     assert before.st_size == len(whole)
 
 
-INTERRUPTED = ("--method", "standing", "--method", "kalman", "--risk", "0.1")
-
-
-def goes_on(table, whole):
-    """The rest, driven later, gives the bytes of an undisturbed run."""
-    done = 1 + max(row.episode for row in read_table(table))
-    assert done >= 2
-    options = *INTERRUPTED, "--episodes", str(done + 1)
-    assert driven(table, *options) == driven(whole, *options)
-
-
-def test_drives_that_are_interrupted_go_on_where_they_were(tmp_path, monkeypatch):
-    """Ctrl-C keeps what is done."""
-    table, usual = tmp_path / "table.csv", driving.run
-
-    def stopped(*asked):
-        for number, done in enumerate(usual(*asked)):
-            if number == 2:
-                signal.raise_signal(signal.SIGINT)
-            yield done
-
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs ignore it
-    with monkeypatch.context() as patch:
-        patch.setattr(driving, "run", stopped)
-        with pytest.raises(SystemExit) as ended:
-            driven(table, *INTERRUPTED, "--episodes", "5000")
-    signal.signal(signal.SIGINT, before)
-    assert ended.value.code == 130
-    goes_on(table, tmp_path / "whole.csv")
-
-
-def test_drives_of_two_processes_that_are_interrupted_go_on_where_they_were(tmp_path):
-    """Ctrl-C, which ends their workers quietly, keeps what is done."""
-    table = tmp_path / "table.csv"
-    command = [sys.executable, "-m", "pedpred.command", "drive", CORNER, "--table", str(table), *INTERRUPTED]
-    command += ["--episodes", "5000", "--processes", "2"]
+@pytest.mark.parametrize("processes", ["1", "2"])
+def test_an_interrupted_run_continues_where_it_was(processes, tmp_path):
+    """Ctrl-C ends workers quietly and keeps what is done; the rest gives the bytes of an undisturbed run."""
+    table, whole = tmp_path / "table.csv", tmp_path / "whole.csv"
+    methods = "--method", "standing", "--method", "kalman", "--risk", "0.1"
+    command = [sys.executable, "-m", "pedpred.command", "drive", CORNER, "--table", str(table), *methods]
+    command += ["--episodes", "5000", "--processes", processes]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("TQDM_")}
     environment["TQDM_MININTERVAL"] = "0"
-    heeds = partial(
-        signal.signal, signal.SIGINT, signal.SIG_DFL
-    )  # background jobs are started without Ctrl-C
-    how = {"stderr": subprocess.PIPE, "text": True, "cwd": ROOT, "env": environment, "preexec_fn": heeds}
+    default = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # which background jobs ignore
+    how = {"stderr": subprocess.PIPE, "text": True, "cwd": ROOT, "env": environment, "preexec_fn": default}
     with subprocess.Popen(command, **how) as started:
         while not re.search(r" [2-9]/5000", started.stderr.readline()):  # each state of the bar is a line
             assert started.poll() is None
         started.send_signal(signal.SIGINT)
         assert "Traceback" not in started.communicate(timeout=120)[1]
         assert started.returncode == 130
-    goes_on(table, tmp_path / "whole.csv")
+    done = 1 + max(row.episode for row in read_table(table))
+    assert done >= 2
+    options = *methods, "--episodes", str(done + 1)
+    assert driven(table, *options) == driven(whole, *options)
 
 
-def test_drives_of_other_settings_are_not_added(tmp_path):
-    options = "--episodes", "1", "--method", "standing"
-    driven(tmp_path / "table.csv", *options)
-    with pytest.raises(SystemExit):
-        driven(tmp_path / "table.csv", *options, "--seed", "1")
-    (tmp_path / "table.csv").write_text("place,robot\nhere,there\n")
-    with pytest.raises(SystemExit):
-        driven(tmp_path / "table.csv", *options)
-
-
-@pytest.fixture
-def beside(monkeypatch):
-    """Does something after the drives of the next run, before it writes them."""
-
-    def after(action):
-        usual = driving.run
-
-        def run_with(*given):
-            monkeypatch.setattr(driving, "run", usual)
-            yield from usual(*given)
-            action()
-
-        monkeypatch.setattr(driving, "run", run_with)
-
-    return after
-
-
-def test_drives_that_another_run_adds_meanwhile_stay(tmp_path, beside):
-    """As of two methods in two windows of a terminal; a later one of them wrote its own drives alone."""
-    table, few = tmp_path / "table.csv", ("--episodes", "2", "--risk", "0.1")
+def test_drives_that_another_run_adds_meanwhile_stay(tmp_path, monkeypatch):
+    """As of two methods in two windows of a terminal."""
+    table, few, usual = tmp_path / "table.csv", ("--episodes", "2", "--risk", "0.1"), driving.run
     whole = driven(tmp_path / "whole.csv", *few, "--method", "standing", "--method", "kalman")
-    beside(lambda: driven(table, *few, "--method", "standing"))
+
+    def run(*given):
+        monkeypatch.setattr(driving, "run", usual)
+        yield from usual(*given)
+        driven(table, *few, "--method", "standing")
+
+    monkeypatch.setattr(driving, "run", run)
     assert driven(table, *few, "--method", "kalman") == whole
 
 
-def test_drives_of_other_settings_that_are_added_meanwhile_stay(tmp_path, beside):
-    table, few = tmp_path / "table.csv", ("--episodes", "2", "--method", "standing")
-    beside(lambda: driven(table, *few, "--radius-m", "0.4"))
-    with pytest.raises(SystemExit):
-        driven(table, *few)
-    assert table.read_bytes() == driven(tmp_path / "whole.csv", *few, "--radius-m", "0.4")
-
-
-def test_drives_of_another_version_are_not_added(tmp_path, monkeypatch):
+def test_drives_of_other_settings_or_versions_are_not_added(tmp_path, monkeypatch):
     options = "--episodes", "1", "--method", "standing"
-    driven(tmp_path / "table.csv", *options)
+    before = driven(tmp_path / "table.csv", *options)
+    with pytest.raises(SystemExit):
+        driven(tmp_path / "table.csv", *options, "--seed", "1")
     monkeypatch.setattr(pedpred, "__version__", "0.0.1", raising=False)
     with pytest.raises(SystemExit):
         driven(tmp_path / "table.csv", *options)
+    assert (tmp_path / "table.csv").read_bytes() == before
 
 
-@pytest.mark.parametrize(
-    "content", [b"precious\n", b"\x89PNG\r\n", b"\xff" * 9, b"x" * 100_000, b"time,id,x,y\n"]
-)
-def test_what_is_no_table_of_drives_is_named_and_stays(content, tmp_path):
+@pytest.mark.parametrize("content", [b"\x89PNG\r\n", b"time,id,x,y\n", b"place,robot\nhere,there\n"])
+def test_another_file_than_a_table_of_drives_stays(content, tmp_path):
     table = tmp_path / "table.csv"
     table.write_bytes(content)
-    with pytest.raises(SystemExit, match=r"table\.csv"):
+    with pytest.raises(SystemExit) as refused:
         driven(table, "--episodes", "1", "--method", "standing")
+    assert "table.csv" in str(refused.value)
     assert table.read_bytes() == content
 
 
@@ -165,9 +110,7 @@ def test_an_episode_is_recorded_with_the_robot(tmp_path):
         ("", ""),
         (CORNER, "--world corridor"),
         ("--world room", "--map people.mcap"),
-        ("--world room", "--no-map"),
         ("--world room", "--rate 5"),
-        ("--world room", "--open-end 0 0 1 1"),
         (CORNER, "--people react"),
         (CORNER, "--episode 3"),
         (CORNER, "--curves curves.svg"),
@@ -183,10 +126,7 @@ def test_an_episode_is_recorded_with_the_robot(tmp_path):
         (CORNER, "--compare other=nowhere"),
         (CORNER, "--compare other"),
         (CORNER, f"--compare modes={MODEL}"),
-        (
-            CORNER,
-            f"--compare o={MODEL} --compare o={MODEL}",
-        ),
+        (CORNER, f"--compare o={MODEL} --compare o={MODEL}"),
         (CORNER, "--speed-mps 5.7"),
     ],
 )
@@ -204,13 +144,6 @@ def test_one_episode_needs_no_place_for_a_table(tmp_path, monkeypatch):
     (tmp_path / "people_drives.csv").mkdir()
     main(["drive", CORNER, "--record", "x.mcap", "--method", "standing"])
     assert {"x.mcap", "x.foxglove.json"} < {path.name for path in tmp_path.iterdir()}
-
-
-def test_a_layout_that_cannot_be_written_is_said_before_a_drive(tmp_path):
-    (tmp_path / "x.foxglove.json").mkdir()
-    with pytest.raises(SystemExit, match=r"x\.foxglove\.json"):
-        main(["drive", CORNER, "--record", str(tmp_path / "x.mcap"), "--method", "standing"])
-    assert [path.name for path in tmp_path.iterdir()] == ["x.foxglove.json"]
 
 
 def test_a_run_that_drives_nothing_leaves_no_table(tmp_path):
@@ -232,8 +165,9 @@ def test_pictures_are_the_same_bytes_each_time(tmp_path):
 def test_without_matplotlib_a_picture_is_refused_before_work_begins(tmp_path, monkeypatch):
     monkeypatch.setattr(driving, "find_spec", lambda name: None)
     arguments = [str(ROOT / "examples/corner"), "--table", str(tmp_path / "drives.csv"), "--episodes", "1"]
-    with pytest.raises(SystemExit, match=r'pip install "pedpred\[pictures\]"'):
+    with pytest.raises(SystemExit) as refused:
         main(["drive", *arguments, "--curves", str(tmp_path / "curves.png")])
+    assert "pedpred[pictures]" in str(refused.value)
     assert not list(tmp_path.iterdir())
 
 
@@ -249,28 +183,20 @@ def test_another_network_is_compared_by_its_name(tmp_path, capsys):
     assert "other" in capsys.readouterr().out
 
 
-def test_drives_of_a_network_that_is_not_named_say_so(tmp_path):
+def test_drives_of_a_network_that_is_not_named_are_refused(tmp_path):
     driven(table := tmp_path / "table.csv", "--episodes", "1", "--method", "standing")
     lines = table.read_text().replace("standing", "other")
     table.write_text(lines)
-    with pytest.raises(SystemExit, match="--compare"):
+    with pytest.raises(SystemExit) as refused:
         driven(table, "--episodes", "2", "--method", "standing")
+    assert "--compare" in str(refused.value)
     assert table.read_text() == lines
 
 
 def test_worlds_are_driven_in_like_a_scene(tmp_path, capsys):
     table = tmp_path / "worlds.csv"
-    asked = [
-        "drive",
-        "--world",
-        "square",
-        "--episodes",
-        "1",
-        "--method",
-        "true_future",
-        "--table",
-        str(table),
-    ]
+    asked = ["drive", "--world", "square", "--episodes", "1", "--method", "true_future"]
+    asked += ["--table", str(table)]
     main([*asked, "--people", "ignore"])
     assert "square_ignore" in capsys.readouterr().out
     with pytest.raises(SystemExit):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pedpred.errors import ConfigError, InputError, ShapeError, ValueRuleError
+from pedpred.errors import ConfigError, InputError, ValueRuleError, shape_error
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,10 @@ from pedpred.errors import ConfigError, InputError, ShapeError, ValueRuleError
             {"field": "dt_s", "value": -1.0, "rule": "it must be positive"},
         ),
         (ConfigError("scale", "huge", "choose another one"), {"field": "scale", "value": "huge"}),
-        (ShapeError("points", (3, 2), "[N, 3]"), {"field": "points"}),
+        (
+            shape_error("points", (3, 2), "[N, 3]"),
+            {"field": "points", "value": (3, 2), "rule": "its shape must be [N, 3]"},
+        ),
     ],
 )
 def test_an_error_holds_what_its_message_names(error, facts):

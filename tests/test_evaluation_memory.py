@@ -12,12 +12,10 @@ from hypothesis import strategies as st
 
 from pedpred.command.prediction import predictor_for
 from pedpred.evaluation import EvaluationSettings
-from pedpred.evaluation.scores import Scores, join_scores
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.features.surroundings import present_rows
-from pedpred.forecasting.chain import instant_blocks
 from pedpred.online.assessment import assess
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from tests.exported import TRACKER
@@ -67,7 +65,7 @@ def test_figures_do_not_depend_on_the_size_of_the_blocks(kind, crowd, request, m
 
 
 def same_in_blocks(rows, whole, crowd, folder, monkeypatch):
-    monkeypatch.setattr("pedpred.forecasting.chain._ROWS_AT_ONCE", rows)
+    monkeypatch.setattr("pedpred.forecasting.blocks._ROWS_AT_ONCE", rows)
     monkeypatch.setattr(EXTRACT, "_ROWS_AT_ONCE", rows)
     blocks = assess(crowd, predictor_for(crowd, folder), SETTINGS)
     assert list(blocks) == list(whole)
@@ -93,20 +91,8 @@ def test_each_detection_takes_little_memory(mixture):
     assert (peaks[8_000] - peaks[4_000]) / 4_000 < 2_000
 
 
-@given(st.lists(st.floats(0, 9).map(lambda t: round(t, 1)), min_size=1, max_size=40), st.integers(1, 9))
-def test_blocks_hold_whole_instants(times, rows):
-    time_s = np.sort(times)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pedpred.forecasting.chain._ROWS_AT_ONCE", rows)
-        blocks = instant_blocks(time_s)
-    assert [row for begin, end in blocks for row in range(begin, end)] == list(range(len(time_s)))
-    assert all(time_s[begin] > time_s[begin - 1] for begin, _ in blocks[1:])
-    largest = np.unique(time_s, return_counts=True)[1].max()
-    assert all(end - begin < rows + largest for begin, end in blocks)
-
-
 @given(st.integers(1, 50), st.integers(0, 99), st.floats(0.05, 3.0))
-def test_who_is_present_does_not_depend_on_how_many_are_looked_at_together(most, seed, max_age_s):
+def test_who_is_present_does_not_depend_on_the_size_of_blocks(most, seed, max_age_s):
     rng = np.random.default_rng(seed)
     track_id, time_s = np.sort(rng.integers(0, 4, 30)), np.zeros(30)
     for track in range(4):
@@ -126,27 +112,10 @@ def test_who_is_present_does_not_depend_on_how_many_are_looked_at_together(most,
 def test_without_memory_only_its_steps_are_left_out(crowd):
     how = Perception(TRACKER, 0.2)
     full, lean = (
-        ask_about_windows(crowd, how, ForecastProtocol(), memory=memory) for memory in (True, False)
+        find_windows(crowd, how, ForecastProtocol(), memory=memory).request for memory in (True, False)
     )
     np.testing.assert_array_equal(full.rows, lean.rows)
     for name, values in lean.table.columns.items():
         np.testing.assert_array_equal(values, full.table.columns[name])
     assert lean.clock is None
     assert len(full.clock)
-
-
-@given(st.permutations(range(12)), st.integers(1, 11))
-def test_scores_of_parts_are_put_in_order(row, cut):
-    row = np.array(row)
-
-    def scores(rows):
-        values = rows.astype(float)
-        return Scores(
-            10 + rows, {"ade_m": values}, values[:, None], values[:, None], np.zeros((len(rows), 0))
-        )
-
-    whole = join_scores([scores(row[:cut]), scores(row[cut:])], row)
-    np.testing.assert_array_equal(whole.values["ade_m"], np.arange(12))
-    np.testing.assert_array_equal(whole.track, 10 + np.arange(12))
-    np.testing.assert_array_equal(whole.error_m[:, 0], np.arange(12))
-    assert whole.nll.shape == (12, 0)

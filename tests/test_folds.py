@@ -6,7 +6,8 @@ from itertools import pairwise
 
 import pytest
 
-from stages.config import EXPORTING, weights_of
+from stages.config import weights_of
+from stages.export import GROUPS as EXPORTING
 from stages.folds import trained_sets
 from tests.configuration import composed, read
 from tests.conftest import ROOT

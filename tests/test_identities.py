@@ -1,11 +1,15 @@
-"""Who is who in a stream of messages: by ids where these stay with people, else by position."""
+"""Identify people in a stream of messages: by ids where these stay with people, else by position."""
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
 
 from pedpred.errors import ValueRuleError
+from pedpred.ros import assignment
+from pedpred.ros.assignment import NearestTracks
 from pedpred.ros.identities import Identities, TrackNumbers, are_identities
 
 
@@ -18,37 +22,38 @@ def numbers_of(identities, messages):
 
 
 def crossing(count=40, name=lambda k, person: f"{person + 3}"):
-    """Two people whose ways cross, listed in turn in either order, and who each of them is."""
-    messages, who = [], []
-    for k in range(count):
+    """Messages with two people whose ways cross, in either order, and these orders."""
+    orders = [[0, 1] if k % 2 else [1, 0] for k in range(count)]
+    messages = []
+    for k, order in enumerate(orders):
         places = [(0.13 * k - 2.0, 0.0), (0.0, 0.11 * k - 3.0)]
-        order = [0, 1] if k % 2 else [1, 0]
         messages.append(([name(k, person) for person in order], [places[person] for person in order]))
-        who.append(order)
-    return messages, who
+    return messages, orders
+
+
+def recorded(messages, **more):
+    """The numbers in a recording."""
+    return numbers_of(Identities(recording=[ids for ids, _ in messages], **more), messages)
 
 
 @given(st.lists(st.text(max_size=3) | st.integers(-(2**70), 2**70).map(str) | st.just("007"), unique=True))
 def test_different_names_have_different_numbers(names):
-    numbers = TrackNumbers()
-    once, again = ([numbers.number(name) for name in names] for _ in "ab")
+    tracks = TrackNumbers()
+    once, again = (tracks.numbers(0.0, names).tolist() for _ in "ab")
     assert once == again
     assert len(set(once)) == len(names)
-    assert all(-(2**63) <= number < 2**63 for number in once)
 
 
 def test_whole_numbers_stay_and_other_names_get_some():
-    numbers = TrackNumbers()
-    assert [numbers.number(name) for name in ("7", "anna", 12, "007", "anna")] == [7, -1, 12, -2, -1]
+    names = ["7", "anna", "12", "007", "anna"]
+    assert TrackNumbers().numbers(0.0, names).tolist() == [7, -1, 12, -2, -1]
 
 
 @pytest.mark.parametrize("mode", ["auto", "given"])
 def test_ids_that_stay_are_the_numbers(mode):
-    messages, who = crossing()
-    expected = [[person + 3 for person in order] for order in who]
-    assert numbers_of(Identities(mode), messages) == expected
-    recorded = Identities(mode, recording=[ids for ids, _ in messages])
-    assert numbers_of(recorded, messages) == expected
+    messages, orders = crossing()
+    expected = [[person + 3 for person in order] for order in orders]
+    assert numbers_of(Identities(mode), messages) == recorded(messages, mode=mode) == expected
 
 
 NO_IDENTITIES = {
@@ -62,34 +67,23 @@ NO_IDENTITIES = {
 
 @pytest.mark.parametrize("kind", NO_IDENTITIES)
 def test_people_without_identities_are_assigned_in_a_recording(kind):
-    messages, who = crossing(name=NO_IDENTITIES[kind])
-    numbers = numbers_of(Identities(recording=[ids for ids, _ in messages]), messages)
-    assert numbers == [[{0: 2, 1: 1}[person] for person in order] for order in who]
+    messages, orders = crossing(name=NO_IDENTITIES[kind])
+    expected = [[{0: 2, 1: 1}[person] for person in order] for order in orders]
+    assert recorded(messages) == expected
+    assert (
+        numbers_of(Identities("assigned"), messages)
+        == numbers_of(Identities(has_ids=False), messages)
+        == expected
+    )
 
 
 @pytest.mark.parametrize("kind", NO_IDENTITIES)
 def test_people_without_identities_are_assigned_live(kind):
     """From the tenth message on: before, ids that are new could be those of new people."""
-    messages, who = crossing(name=NO_IDENTITIES[kind])
-    numbers = numbers_of(Identities(), messages)
-    by_person = {
-        person: {row[order.index(person)] for row, order in zip(numbers[9:], who[9:], strict=True)}
-        for person in (0, 1)
-    }
-    assert [len(found) for found in by_person.values()] == [1, 1]
-
-
-def test_a_type_without_ids_is_assigned():
-    messages, who = crossing(name=lambda k, person: "")
-    assert numbers_of(Identities(has_ids=False), messages) == [
-        [{0: 2, 1: 1}[person] for person in order] for order in who
-    ]
-
-
-def test_assigned_people_do_not_depend_on_ids():
-    messages, _ = crossing()
-    bare, _ = crossing(name=lambda k, person: "")
-    assert numbers_of(Identities("assigned"), messages) == numbers_of(Identities("assigned"), bare)
+    messages, orders = crossing(name=NO_IDENTITIES[kind])
+    numbers = numbers_of(Identities(), messages)[9:]
+    for person in (0, 1):
+        assert len({row[order.index(person)] for row, order in zip(numbers, orders[9:], strict=True)}) == 1
 
 
 @pytest.mark.parametrize("ids", [["1", ""], ["1", "1"], ["nan", "2"]])
@@ -114,13 +108,6 @@ def test_people_without_an_id_among_others_are_assigned(is_live):
     assert identities.names == {-1: "#1", -2: "#2"}
     assert identities.name(5) == "5"
     assert identities.unnamed == 40
-
-
-def test_minus_one_is_an_id_among_negative_ids():
-    messages = [(["-1", "-2"], [(0.1 * k, 0.0), (8.0, 0.1 * k)]) for k in range(20)]
-    identities = Identities(recording=[ids for ids, _ in messages])
-    numbers_of(identities, messages)
-    assert set(identities.names.values()) == {"-1", "-2"}
 
 
 def test_ids_count_again_once_people_have_some():
@@ -153,3 +140,36 @@ def test_names_that_are_not_used_any_more_are_forgotten():
 )
 def test_few_messages_do_not_show_that_ids_change(messages, expected):
     assert are_identities(messages) == expected
+
+
+# By position
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.floats(2.0, 30.0))
+@settings(max_examples=30)
+def test_the_nearest_are_those_of_the_whole_assignment(seed, count, side_m):
+    """Leaving out people without a near detection changes no pair."""
+    rng = np.random.default_rng(seed)
+    before, after = rng.uniform(0, side_m, (count, 2)), rng.uniform(0, side_m, (count, 2))
+    tracks = NearestTracks()
+    tracks.assign(0.0, before)
+    found = tracks.assign(0.1, after)
+    apart, gate = cdist(before, after), assignment._GATE_M + 0.1 * assignment._GATE_MPS
+    costs = np.where(apart <= gate, apart, 2 * assignment._LARGEST_GATE_M)
+    row, column = linear_sum_assignment(costs)
+    paired = apart[row, column] <= gate
+    expected = np.zeros(count, int)
+    expected[column[paired]] = row[paired] + 1
+    assert (found[expected == 0] > count).all()
+    kept = found <= count
+    total = (
+        costs[found[kept] - 1, np.flatnonzero(kept)].sum() + (~kept).sum() * 2 * assignment._LARGEST_GATE_M
+    )
+    assert total == pytest.approx(costs[row, column].sum())
+
+
+def test_detections_that_are_noise_do_not_fill_the_memory():
+    rng, tracks = np.random.default_rng(0), NearestTracks()
+    for k in range(30):
+        tracks.assign(k / 1000, rng.uniform(-1e4, 1e4, (300, 2)))
+        assert len(tracks._tracks) <= assignment._MOST_TRACKS + 300

@@ -1,7 +1,5 @@
 """Laboratory text files and their geometry: how they may look, and everything that can be wrong with them."""
 
-import re
-
 import numpy as np
 import pytest
 import shapely
@@ -10,8 +8,8 @@ from hypothesis import strategies as st
 
 from pedpred.command import main
 from pedpred.errors import InputError, ValueRuleError
-from pedpred.reading.geometry import Geometry, occupancy_of, read_walls
-from pedpred.sources.jupedsim import read_laboratory, read_tracks
+from pedpred.reading.geometry import Geometry, occupancy_of
+from pedpred.sources.jupedsim import read_laboratory
 from pedpred.storage.scenes import read_scene
 from tests.scenes import assert_same
 
@@ -76,127 +74,56 @@ def test_walls_the_table_and_the_open_end(folder):
     assert not occupancy.is_occupied(np.array([[-1.9, 1.0], [4.5, 1.25]])).any()
 
 
-@pytest.mark.parametrize(
-    "header",
-    [
-        "#framerate: 16",
-        "# framerate: 16.00 fps",
-        "# Frame rate 16",
-        "#description: run 2, 16:02\n#fps=16",
-    ],
-)
-def test_ways_to_say_the_frame_rate(folder, header):
-    change("hall.txt", "# framerate: 16", header)(folder)
-    assert read_tracks(folder / "hall.txt").time_s.max() == 0.25
-
-
-@pytest.mark.parametrize(
-    ("comment", "unit_m"),
-    [
-        ("x/m y/m", 1.0),
-        ("ID FR X Y Z", 1.0),
-        ("x/cm y/cm", 0.01),
-        ("x [cm] y [cm] z [cm]", 0.01),
-        ("coordinates given in mm", 0.001),
-        ("z in cm of the head", 1.0),
-    ],
-)
-def test_ways_to_say_the_unit(folder, comment, unit_m):
-    change("hall.txt", "id frame x/m y/m z/m", comment)(folder)
-    assert read_tracks(folder / "hall.txt").position[0].tolist() == [0.5 * unit_m, unit_m]
-
-
 def test_a_missing_frame_rate_may_be_given(folder):
     change("hall.txt", "framerate: 16", "nothing")(folder)
-    with pytest.raises(InputError, match=r"hall\.txt: .*frame_rate_hz"):
+    with pytest.raises(InputError, match="frame_rate_hz"):
         read_laboratory(folder, "mine", SETTINGS)
     scene = read_laboratory(folder, "mine", SETTINGS | {"frame_rate_hz": 8})
     assert scene.detection_dt_s == 0.5
 
 
-def test_four_columns_other_languages_and_windows(folder):
-    lines = [line.rsplit("\t", 1)[0] for line in TEXT.splitlines()]
-    text = "\r\n".join(["\ufeff# Jülich", *lines, ""])
-    (folder / "hall.txt").write_bytes(text.encode("utf-8"))
-    assert len(read_tracks(folder / "hall.txt")) == 3
-
-
-TRACKS = [
-    (("1\t4\t", "1\t"), 4, "4 columns, expected 5"),
-    (("3.5", "three"), 5, "x = 'three' is not a number"),
-    (("3.5", "inf"), 5, "x = 'inf', must be finite"),
-    (("2\t4", "2\t4.5"), 5, "frame = 4.5, must be a whole number"),
-    (("2\t4", "1\t4"), 5, "id 1 is at another place at 0.25 s in line 4"),
-    (("# id", "# framerate: 25, id"), None, "frame rates 16.0 and 25.0"),
-    (("16", "0"), None, "0 is not a frame rate, which is from 0.001"),
-    (("y/m", "x/cm"), None, "units of lengths cm and m"),
-    ((TEXT[TEXT.index("1\t0") :], ""), None, "no detections, the file is empty"),
-    (("1\t4", "3\t4"), None, "no pedestrian was detected twice"),
-]
-GEOMETRY = [
-    (('px="6"', ""), 5, "px = '' is not a number"),
-    (('px="6"', 'px="inf"'), 5, "vertex .*, farther than"),
-    (('px="6"', 'px="-2e8"'), 5, "vertex .*, farther than 1e.08 from the origin"),
-    (('unit="m"', 'unit="km"'), 2, "unit = 'km', expected one of m, cm"),
-    (("<obstacle", "<obstacle><polygon/></obstacle><obstacle"), 8, "a polygon with fewer than 2"),
-    (
-        ("</obstacle>", '</obstacle><crossing><vertex px="0" py="0"/></crossing>'),
-        10,
-        "a crossing with fewer than 2",
-    ),
-    (("geometry", "svg"), 2, "the outermost element is <svg>"),
-    (("</rooms>", ""), None, "mismatched tag"),
-    (("polygon", "line"), None, "no polygon outlines the ground"),
-]
-
-
-def refused(folder, file, line, named):
-    where = re.escape(str(folder / file) + ("" if line is None else f", line {line}"))
-    return pytest.raises(InputError, match=f"^{where}: .*{named}")
-
-
 @pytest.mark.parametrize(
-    ("file", "changed", "line", "named"),
-    [("hall.txt", *row) for row in TRACKS] + [("hall.xml", *row) for row in GEOMETRY],
+    ("file", "old", "new", "line"),
+    [
+        ("hall.txt", "1\t4\t", "1\t", 4),
+        ("hall.txt", "3.5", "three", 5),
+        ("hall.txt", "2\t4", "2\t4.5", 5),
+        ("hall.txt", "2\t4", "1\t4", 5),
+        ("hall.txt", "# id", "# framerate: 25, id", None),
+        ("hall.txt", "16", "0", None),
+        ("hall.txt", "y/m", "x/cm", None),
+        ("hall.txt", TEXT[TEXT.index("1\t0") :], "", None),
+        ("hall.txt", "1\t4", "3\t4", None),
+        ("hall.xml", "polygon", "line", None),
+    ],
 )
-def test_bad_input_is_named(folder, file, changed, line, named):
-    change(file, *changed)(folder)
-    with refused(folder, file, line, named):
+def test_bad_input_is_named(folder, file, old, new, line):
+    change(file, old, new)(folder)
+    with pytest.raises(InputError) as error:
         read_laboratory(folder, "mine", SETTINGS)
+    assert (error.value.path, error.value.where) == (folder / file, line)
 
 
 @pytest.mark.parametrize("file", ["hall.txt", "hall.xml"])
 def test_missing_and_unreadable_files_are_named(folder, file):
     (folder / file).write_bytes(b"\xff\xfe1 2")
-    with refused(folder, file, None, "(the text is not|not well-formed)"):
-        read_laboratory(folder, "mine", SETTINGS)
-    (folder / file).unlink()
-    with refused(folder, file, None, "(the file is missing|there is no such file)"):
-        read_laboratory(folder, "mine", SETTINGS)
-
-
-def test_entities_are_refused_before_they_grow(folder):
-    bomb = '<!DOCTYPE geometry [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]><geometry unit="&b;"/>'
-    (folder / "hall.xml").write_text(bomb)
-    with pytest.raises(InputError, match="line 1: a document type, which could define entities"):
-        read_walls(folder / "hall.xml")
-
-
-def test_lengths_in_centimetres(folder):
-    metres = read_walls(folder / "hall.xml")
-    change("hall.xml", 'unit="m"', 'unit="cm"')(folder)
-    assert read_walls(folder / "hall.xml").ground[0].area == pytest.approx(1e-4 * metres.ground[0].area)
+    for _ in range(2):
+        with pytest.raises(InputError) as error:
+            read_laboratory(folder, "mine", SETTINGS)
+        assert error.value.path == folder / file
+        (folder / file).unlink(missing_ok=True)
 
 
 @pytest.mark.parametrize("key", ["resolution_m", "thickness_m", "open_end_m", "frame_rate_hz"])
 def test_settings_out_of_range(folder, key):
-    with pytest.raises(ValueRuleError, match=f"{key} = -1"):
+    with pytest.raises(ValueRuleError) as error:
         read_laboratory(folder, "mine", SETTINGS | {key: -1})
+    assert error.value.field == key
 
 
 @pytest.mark.parametrize("edge", [[[3, 0.5], [3, 1.5]], [[9, 0], [9, 2]], [[0, 0], [0, 0]]])
 def test_an_open_end_away_from_the_outline_is_refused(folder, edge):
-    with refused(folder, "hall.xml", None, "open_ends = .*it must lie on the outline"):
+    with pytest.raises(InputError, match="open_ends"):
         read_laboratory(folder, "mine", SETTINGS | {"open_ends": [edge]})
 
 
@@ -218,35 +145,9 @@ def test_the_map_of_any_star_has_its_corners_inside_and_its_area(radii, turn_rad
     assert (~occupancy.occupied).sum() * 0.02**2 == pytest.approx(area, abs=0.02 * perimeter)
 
 
-def arguments(folder, *more):
-    return [
-        str(folder / "hall.txt"),
-        "--map",
-        str(folder / "hall.xml"),
-        "--open-end",
-        "0",
-        "0",
-        "0",
-        "2",
-        *more,
-    ]
-
-
-def test_the_command_reads_text_and_geometry(folder, tmp_path, capsys):
-    main(["convert", *arguments(folder, "-o", str(tmp_path / "mine"))])
-    scene, expected = read_scene(tmp_path / "mine"), read_laboratory(folder, "mine", COMMAND)
-    assert_same(scene, expected)
-    main(["info", *arguments(folder)])
-    said = capsys.readouterr().out
-    assert "3 of 2 tracks" in said
-    assert "0.0 % of the detections in obstacles, 0.0 % outside the map" in said
-
-
-def test_the_command_takes_a_frame_rate_and_wants_a_geometry_for_open_ends(folder, tmp_path, capsys):
-    change("hall.txt", "framerate: 16", "nothing")(folder)
-    with pytest.raises(SystemExit, match="--rate"):
-        main(["info", *arguments(folder)])
-    main(["info", *arguments(folder, "--frame-rate", "8")])
-    assert "usually 0.5 s" in capsys.readouterr().out
-    with pytest.raises(SystemExit, match=r"it needs a geometry: --map walls\.xml or \.wkt"):
-        main(["info", str(folder / "hall.txt"), "--frame-rate", "8", "--open-end", "0", "0", "0", "2"])
+def test_the_command_reads_text_and_geometry(folder, tmp_path):
+    given = [str(folder / "hall.txt"), "--map", str(folder / "hall.xml"), "--open-end", *"0002"]
+    main(["convert", *given, "-o", str(tmp_path / "mine")])
+    assert_same(read_scene(tmp_path / "mine"), read_laboratory(folder, "mine", COMMAND))
+    with pytest.raises(SystemExit, match="--map"):
+        main(["info", given[0], *given[3:]])

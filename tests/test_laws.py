@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tests.conftest import ROOT
 from tools import law_worlds, laws
-from tools.law_worlds import RATES_HZ, Move, crowded
+from tools.law_worlds import RATES_HZ
 
 SHIPPED = ROOT / "models/online/default"
 SEEDS = st.integers(0, 2**32 - 1)
@@ -56,19 +56,6 @@ def test_standing_people_stand_also_when_they_have_just_appeared(seed, rate_hz, 
     newborn, later = laws.standing_errors_m(SHIPPED, rng, rate_hz, noise_m)
     assert newborn.max() <= laws.STANDING_M
     assert later.max() <= laws.STANDING_M
-
-
-def test_a_move_and_its_inverse_leave_points_and_maps_as_they_are():
-    rng = np.random.default_rng(0)
-    world = crowded(rng)
-    for mirrored in (False, True):
-        move = Move(np.pi / 2, (3.0, -4.0), mirrored)
-        there = world.moved(move)
-        np.testing.assert_allclose(move.back(there.position), world.position, atol=1e-9)
-        inside = rng.uniform(-6, 6, (500, 2))
-        blocked = there.occupancy.is_occupied(move.there(inside))
-        np.testing.assert_array_equal(blocked, world.occupancy.is_occupied(inside))
-        assert 0 < blocked.sum() < 500
 
 
 def test_a_gap_is_found(model):

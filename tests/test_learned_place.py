@@ -7,13 +7,12 @@ import os
 import numpy as np
 import pytest
 
-from pedpred.errors import InputError, OutputError, ValueRuleError
+from pedpred.errors import InputError, OutputError
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.network import digest_of
 from pedpred.online.warming import warm_up
+from tests.refused import refused
 from tests.worlds import walled_scene
-
-STEPS = 10
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +65,7 @@ def test_loading_forgets_the_people_and_keeps_the_map(mixture, visited, tmp_path
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "hall.json").read_bytes()
 
 
-def test_a_robot_that_trusts_the_network_alone_takes_regions_only(mixture, visited, tmp_path):
+def test_without_trust_a_robot_takes_regions_only(mixture, visited, tmp_path):
     visited.save_place(tmp_path / "hall.json")
     alone = OnlinePredictor.load(mixture[0], OnlineSettings(learn_trust=False))
     alone.load_place(tmp_path / "hall.json")
@@ -90,21 +89,6 @@ def test_what_was_learned_and_is_not_used_stays_in_the_file(mixture, visited, tm
     np.testing.assert_array_equal(again._place.trust.place.compared, learned["compared"])
 
 
-def test_without_trust_in_the_file_it_is_learned_from_the_beginning(mixture, visited, tmp_path):
-    OnlinePredictor.load(mixture[0], OnlineSettings(learn_trust=False)).save_place(tmp_path / "alone.json")
-    visited.load_place(tmp_path / "alone.json")
-    np.testing.assert_array_equal(visited._place.trust.place.compared, 0.0)
-
-
-def test_a_reset_forgets_also_what_was_not_used(mixture, visited, tmp_path):
-    visited.save_place(tmp_path / "hall.json")
-    alone = OnlinePredictor.load(mixture[0], OnlineSettings(learn_trust=False))
-    alone.load_place(tmp_path / "hall.json")
-    alone.reset()
-    alone.save_place(tmp_path / "hall.json")
-    assert json.loads((tmp_path / "hall.json").read_text())["trust"] is None
-
-
 def damaged(about, *where, value):
     """With another value, and the checksum of it."""
     about = json.loads(json.dumps(about))
@@ -118,57 +102,40 @@ def damaged(about, *where, value):
 
 
 @pytest.mark.parametrize(
-    ("where", "value", "problem"),
+    ("where", "value"),
     [
-        (("schema",), 2, "schema"),
-        (("network_sha256",), "0" * 64, "another network"),
-        (("regions", "learned", 0, 0, 0), 1.5, r"a must be in \[-3, 1\], b must be in \[-0.45, 2\]"),
-        (("regions", "learned", 0, 0), [0.0], "regions.learned"),
-        (("trust", "compared", 0), -1.0, r"trust.compared .*\[0, 10000\]"),
-        (("trust", "products", 0, 0, 0, 0), -1.0, "negative eigenvalues"),
-        (("trust", "products", 0, 0, 0, 1), 1e6, "symmetric"),
-        (("trust", "errors", 0, 0, 0), "much", "trust.errors"),
-        (("trust", "errors"), None, "trust.errors"),
+        (("schema",), 2),
+        (("network_sha256",), "0" * 64),
+        (("regions", "learned", 0, 0, 0), 1.5),
+        (("regions", "learned", 0, 0), [0.0]),
+        (("trust", "compared", 0), -1.0),
+        (("trust", "products", 0, 0, 0, 0), -1.0),
+        (("trust", "products", 0, 0, 0, 1), 1e6),
+        (("trust", "errors", 0, 0, 0), "much"),
+        (("trust", "errors"), None),
     ],
 )
-def test_a_file_that_is_not_one_of_this_network_is_refused_and_nothing_changes(
-    where, value, problem, people, visited, tmp_path
-):
+def test_a_wrong_file_is_refused_and_nothing_changes(where, value, people, visited, tmp_path):
     path = tmp_path / "hall.json"
     visited.save_place(path)
     about = json.loads(path.read_text())
     path.write_text(json.dumps(damaged(about, *where, value=value)))
-    with pytest.raises(InputError, match=rf"hall.json.*{problem}"):
+    with pytest.raises(InputError) as error:
         visited.load_place(path)
+    assert error.value.path == path
     visited.save_place(path)
     assert json.loads(path.read_text()) == about
     last_s, ids, position = people[-1]
     assert len(visited.update(last_s + 0.1, ids, position)) > len(ids)  # somebody else is still known
 
 
-def test_an_edited_file_is_refused(visited, tmp_path):
-    path = tmp_path / "hall.json"
-    visited.save_place(path)
-    about = json.loads(path.read_text())
-    path.write_text(json.dumps(about | {"network_sha256": "other"}))
-    with pytest.raises(InputError, match="not those that were written"):
-        visited.load_place(path)
-    with pytest.raises(InputError, match=r"nowhere\.json"):
-        visited.load_place(tmp_path / "nowhere.json")
-
-
-def test_where_no_file_can_be_the_error_names_it_and_nothing_is_left_behind(mixture, tmp_path):
+def test_nothing_is_left_behind_where_no_file_can_be(mixture, tmp_path):
     """What is no file stays, such as a device: a root's robot replaced /dev/null."""
     robot = OnlinePredictor.load(mixture[0])
     (tmp_path / "file").touch()
     os.mkfifo(tmp_path / "pipe")
-    for name, problem in {
-        "": "a folder is there",
-        "pipe": "device is there",
-        "file/hall.json": "Not a directory",
-        "a" * 300: "too long",
-    }.items():
-        with pytest.raises(OutputError, match=f"cannot be written: .*{problem}.*Name another file"):
+    for name in ("", "pipe", "file/hall.json", "a" * 300):
+        with pytest.raises(OutputError):
             robot.save_place(tmp_path / name)
     assert (tmp_path / "pipe").is_fifo()
     assert {path.name for path in tmp_path.iterdir()} == {"file", "pipe"}
@@ -182,5 +149,5 @@ def test_what_is_no_path_is_refused_by_name(value, mixture):
         "folder": [OnlinePredictor.load, OnlinePredictor, warm_up],
     }.items():
         for one in action:
-            with pytest.raises(ValueRuleError, match=f"^{name} = .*path"):
+            with refused(name):
                 one(value)

@@ -5,11 +5,9 @@ import pytest
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import EvaluationSettings, summarise_methods
-from pedpred.literature.measures import measure
-from pedpred.literature.settings import WindowSettings
-from pedpred.literature.stretches import find_stretches
-from pedpred.literature.windows import find_windows
+from pedpred.evaluation import EvaluationSettings, measure, summarise_methods
+from pedpred.evaluation.observed import WindowSettings, consecutive_rows, find_observed_windows
+from pedpred.features.perception import Perception
 from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import KalmanBank, KalmanSettings
 from tests.worlds import EXCERPT, empty_map, recorded
@@ -31,7 +29,7 @@ def joined(*recordings):
 def windows_of(trajectories, observed, predicted, step_s=0.4):
     sizes = WindowSettings(observed_steps=observed, predicted_steps=predicted, step_s=step_s)
     scene = Scene("walk", trajectories, empty_map(), step_s)
-    return find_windows(scene, sizes, KalmanBank((SETTINGS,)), 0.0, memory=False)
+    return find_observed_windows(scene, Perception(KalmanBank((SETTINGS,)), 0.0), sizes, memory=False)
 
 
 def paths(found, method):
@@ -40,7 +38,7 @@ def paths(found, method):
 
 def measured(found):
     how = EvaluationSettings(bootstrap=10)
-    scores = {key: measure(found, make(), 1, how) for key, make in PRESENT_MOTION.items()}
+    scores = measure(found, {key: make() for key, make in PRESENT_MOTION.items()}, how)
     return summarise_methods(scores, "kalman_cv", how)
 
 
@@ -62,10 +60,11 @@ def test_a_window_is_full_or_is_none():
     line = np.column_stack([np.arange(9.0), np.zeros(9)])
     gap = joined(walk(line[:4]), walk(line[4:], start_s=2.0))
     other = walk(line[:3], track=8)
-    found = find_stretches(joined(gap, other), 2, 1, 0.4)
-    assert found.track.tolist() == [7] * 5 + [8]
-    assert np.ptp(np.diff(np.concatenate([found.seen, found.truth], axis=1), axis=1)[..., 0]) == 0
-    assert len(find_stretches(walk(line[:2]), 2, 1, 0.4).track) == 0
+    whole = joined(gap, other)
+    found = consecutive_rows(whole, 3, 0.4)
+    assert whole.track_id[found[:, 0]].tolist() == [7] * 5 + [8]
+    assert np.ptp(np.diff(whole.position[found], axis=1)[..., 0]) == 0
+    assert consecutive_rows(walk(line[:2]), 3, 0.4).shape == (0, 3)
     with pytest.raises(ValueRuleError, match="windows"):
         windows_of(walk(line[:2]), 2, 1)
 

@@ -13,12 +13,13 @@ from omegaconf import OmegaConf
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.command import field_protocol
 from pedpred.errors import ConfigError
-from pedpred.evaluation import MetricSettings
-from pedpred.evaluation.scores import Resampling, Scores, write_scores
+from pedpred.evaluation import MetricSettings, measure
+from pedpred.evaluation.measure import BEST_ADE
+from pedpred.evaluation.observed import find_observed_windows, training_rows
+from pedpred.evaluation.scores import Resampling, Scores, mean_scores, write_scores
+from pedpred.features.perception import Perception
 from pedpred.forecasting.tensors import predictions_of
-from pedpred.literature.measures import BEST_ADE, mean_scores, measure
-from pedpred.literature.samples import covering_paths
-from pedpred.literature.windows import find_windows, protocol_of, training_rows
+from pedpred.metrics.covering import covering_paths
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.encoding import encode
 from pedpred.models.mixture.features import MixtureFeatures
@@ -61,14 +62,15 @@ def crowd(seed=0, people=6, ticks=40):
 
 
 def found(trajectories, memory=False):
-    return find_windows(Scene("square", trajectories, empty_map(), 0.4), PROTOCOL, BANK, 0.2, memory)
+    scene = Scene("square", trajectories, empty_map(), 0.4)
+    return find_observed_windows(scene, Perception(BANK, 0.2), PROTOCOL, memory)
 
 
 def read_inputs(windows):
     (rows,) = training_rows(windows, FEATURES, 1)
-    order = np.argsort(windows.end_s, kind="stable")
+    order = np.argsort(windows.time_s, kind="stable")
     return {
-        (windows.track[w], round(windows.end_s[w], 3)): {n: v[i] for n, v in rows.items()}
+        (windows.track[w], round(windows.time_s[w], 3)): {n: v[i] for n, v in rows.items()}
         for i, w in enumerate(order)
     }
 
@@ -112,7 +114,7 @@ def test_a_memory_begins_with_the_window_and_reads_all_8_annotations():
     for w, track in enumerate(asked.track_id):
         steps = clock.select(np.flatnonzero(clock.track_id == track))
         np.testing.assert_array_equal(steps.step, np.arange(8))
-        np.testing.assert_allclose(steps.last_position[0], seen_path(windows, w)[0])
+        np.testing.assert_allclose(request.past.detection[steps.row[0]], seen_path(windows, w)[0])
         seen = request.inputs(features, request.past.last_row(steps.track_id, steps.time_s), steps.time_s)
         assert not seen["occupancy"].any()  # no map
         channels = features.channels(seen) | {"grid": encode(encoder, seen["occupancy"])}
@@ -166,13 +168,8 @@ def test_constant_velocity_has_the_errors_of_the_field_and_of_a_few_lines(scene,
                     path = position[rows[k : k + 20]]
                     going = path[7] + np.outer(np.arange(1, 13), path[7] - path[6])
                     errors.append(np.hypot(*(going - path[8:]).T))
-        own = find_windows(
-            read_text(folder, name, {**COMPARISON.reader, "recording": name}),
-            PROTOCOL,
-            BANK,
-            0.2,
-            memory=False,
-        )
+        recording = read_text(folder, name, {**COMPARISON.reader, "recording": name})
+        own = find_observed_windows(recording, Perception(BANK, 0.2), PROTOCOL, memory=False)
         ours.append(np.linalg.norm(PRESENT_MOTION["cv"]()(own.request).point - own.truth, axis=-1))
     ours, errors = np.concatenate(ours), np.array(errors)
     assert len(ours) == len(errors) == windows
@@ -219,9 +216,12 @@ def test_what_is_measured():
         own = fan(len(request.rows), 3, 12)
         return replace(own, path=own.path + request.asked.position[:, None, None], point=own.point)
 
-    scores = measure(windows, fanned, 20, MetricSettings())
+    def measured(forecaster):
+        return measure(windows, {"m": forecaster}, MetricSettings(), samples=20)["m"]
+
+    scores = measured(fanned)
     assert (scores.values[BEST_ADE] <= scores.values["most_likely_ade_m"] + 0.2).all()
-    single = measure(windows, PRESENT_MOTION["cv"](), 20, MetricSettings())
+    single = measured(PRESENT_MOTION["cv"]())
     assert np.isnan(single.values[BEST_ADE]).all()
 
     def one_mode(request):
@@ -231,7 +231,7 @@ def test_what_is_measured():
             own, point=path[:, 0], path=path, weight=np.ones((len(path), 1)), covariance=covariance
         )
 
-    spread = measure(windows, one_mode, 20, MetricSettings())
+    spread = measured(one_mode)
     assert (spread.values[BEST_ADE] < spread.values["ade_m"]).mean() > 0.9
     both = mean_scores([scores, replace(scores, values={k: v + 1 for k, v in scores.values.items()})])
     np.testing.assert_allclose(both.values["ade_m"], scores.values["ade_m"] + 0.5)
@@ -263,7 +263,7 @@ def test_shares_follow_the_root_of_the_sizes():
         {"room": 3.0, "square": 1.0}, {"eth": 100, "univ": 10000}
     )
     assert shares == pytest.approx({"room": 0.3, "square": 0.1, "eth": 0.6 / 11, "univ": 6 / 11})
-    assert protocol_of(PROTOCOL).horizon_steps == 12
+    assert PROTOCOL.protocol.horizon_steps == 12
 
 
 def test_no_fold_trains_on_what_it_tests():

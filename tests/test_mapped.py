@@ -4,7 +4,6 @@ import itertools
 import os
 import subprocess
 import sys
-import tempfile
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from hypothesis import strategies as st
 from pedpred.datasets.crops import CropSplit, crops_of
 from pedpred.datasets.rows import load_rows
 from pedpred.datasets.splits import SplitSettings, split_sequences
-from pedpred.errors import NO_ROOM, InputError, ShapeError, ValueRuleError
+from pedpred.errors import NO_ROOM, ValueRuleError
 from pedpred.features import extract_blocks
 from pedpred.rows.files import (
     read_shard,
@@ -98,17 +97,6 @@ def test_mapped_rows_are_the_rows_that_were_added(lengths, shape, dtype):
     assert not any(Path("build").iterdir())  # not even while they are in use
 
 
-def test_a_block_of_another_width_or_type_is_refused():
-    rows = MappedRows("embedding")
-    with pytest.raises(ShapeError):
-        rows.array()
-    rows.append(np.zeros((2, 3), np.float32))
-    for other in (np.zeros((2, 4), np.float32), np.zeros((2, 3), np.float16)):
-        with pytest.raises(ShapeError, match="embedding"):
-            rows.append(other)
-    assert len(rows.array()) == 2
-
-
 def test_a_full_disk_is_an_error_when_rows_are_added():
     rows = MappedRows("rows")
     with small_files(4096), pytest.raises(OSError) as full:  # noqa: PT011, checked below
@@ -161,37 +149,6 @@ def test_loading_takes_as_much_memory_for_more_shards(stored, tmp_path):
     assert much < little + 0.2 * rows_take
 
 
-def test_a_cut_shard_is_named(stored, tmp_path):
-    for part in ("a.parquet", "embeddings/a.parquet"):
-        folder = Path(tempfile.mkdtemp(dir=tmp_path))
-        for name in ("a.parquet", "embeddings/a.parquet"):
-            whole = (stored / name).read_bytes()
-            (folder / name).parent.mkdir(exist_ok=True)
-            (folder / name).write_bytes(whole[: len(whole) // 2] if name == part else whole)
-        write_manifest(folder, LSTM_ROWS, {"a": "a"})
-        with pytest.raises(InputError) as refused:
-            load_rows({"a": folder}, {"a": folder / "embeddings"})
-        assert refused.value.path == folder / part
-    assert not any(Path("build").iterdir())
-
-
-def test_places_of_a_data_set_share_no_scene_or_track(stored, tmp_path):
-    one = load_rows({"a": stored}, {"a": stored / "embeddings"})
-    two = load_rows(dict.fromkeys("ab", stored), dict.fromkeys("ab", stored / "embeddings"))
-    rows, count = len(one.future), len(one.spans)
-    np.testing.assert_array_equal(two.channels["grid"][rows:], one.channels["grid"])
-    np.testing.assert_array_equal(two.spans.rows[count:], one.spans.rows + rows)
-    for name in ("scene", "track"):
-        mine, all_of_them = getattr(one.spans, name), getattr(two.spans, name)
-        np.testing.assert_array_equal(all_of_them[:count], mine)
-        assert not set(all_of_them[count:]) & set(mine)
-        assert len(set(all_of_them[count:])) == len(set(mine))
-    near = replace(LSTM_ROWS, features=replace(LSTM_ROWS.features, max_range_m=5.0))
-    write_manifest(tmp_path, near, {})
-    with pytest.raises(ValueRuleError, match="max_range_m"):
-        load_rows({"a": stored, "b": tmp_path})
-
-
 @pytest.mark.parametrize("by", ["scene", "track"])
 def test_variants_of_a_scene_stay_on_one_side_of_a_split(stored, by):
     data = load_rows({"a": stored})
@@ -223,7 +180,7 @@ def test_crops_and_sequences_hold_the_same_scenes_for_validation(stored):
     assert cells == LSTM_ROWS.features.grid_cells
     few = replace(split, validation_crops=10)
     assert len(crops_of(stored, few, np.random.default_rng(3))[1]) == 10
-    with pytest.raises(ValueRuleError, match="validation_share"):
+    with pytest.raises(ValueRuleError):
         crops_of(stored, replace(split, validation_share=0.9), np.random.default_rng(3))
 
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.models import ARCHITECTURES, Architecture
@@ -59,7 +59,7 @@ def test_a_network_that_cannot_be_traced_is_refused(network, tmp_path, monkeypat
 def test_modes_travel_from_the_network_to_the_robot(network, tmp_path):
     """Offline and online give the same modes, the most likely one first."""
     protocol, scene = MADE_WITH.protocol, walled_scene(np.random.default_rng(1), 0.3)
-    request = ask_about_windows(scene, Perception(KalmanBank.around(TRACKER), 0.2), protocol)
+    request = find_windows(scene, Perception(KalmanBank.around(TRACKER), 0.2), protocol).request
     table = request.table
     everybody = dataclasses.replace(request, rows=np.arange(len(table)))
     offline = NetworkForecaster(network, MADE_WITH.features, None)(everybody)

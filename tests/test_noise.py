@@ -55,7 +55,7 @@ def test_the_level_that_fits_is_used(noise_m, expected_m):
     assert levels_m(seen_by(OnlinePredictor.load(), *walkers(noise_m))[-1]) == expected_m
 
 
-def test_nothing_is_learned_where_a_tracker_is_ownor_learning_is_off():
+def test_nothing_is_learned_with_a_tracker_of_ones_own():
     for own in (OnlineSettings(tracker=OWN), OnlineSettings(learn_noise=False)):
         assert len(OnlinePredictor.load(None, own).filters.filters) == 1
     assert len(OnlinePredictor.load().filters.filters) == 1 + len(LEVELS)
@@ -112,7 +112,7 @@ def test_who_stands_teaches_nothing():
     np.testing.assert_array_equal(weights[-1], BANK.unlearned(6))
 
 
-def test_exact_detections_are_followed_closer_and_noisy_ones_smoothed_more():
+def test_noisy_detections_are_smoothed_more_than_exact_ones():
     for noise_m in (0.0, 0.1):
         time_s, truth = walkers(0.0, seconds=60.0, people=12)
         position = walkers(noise_m, seconds=60.0, people=12)[1]

@@ -2,7 +2,6 @@
 
 import copy
 import json
-import logging
 import pickle
 import shutil
 from dataclasses import replace
@@ -19,7 +18,7 @@ from pedpred.online.caution import moving_shares, shorten_paths
 from pedpred.online.network import write_description
 from pedpred.scenes import OccupancyMap, Predictions
 from tests.conftest import ROOT
-from tests.exported import LSTM_ROWS, export
+from tests.exported import export
 
 
 def test_the_frame_rate_is_free(model):
@@ -65,14 +64,12 @@ def test_obstacles_and_people_change_a_forecast(model):
     assert np.abs(path(others=[[1.0, 0.5]]) - path()).max() > 1e-3
 
 
-def test_late_and_repeated_frames_are_dropped(model, caplog):
+def test_late_and_repeated_frames_are_dropped(model):
     robot, other = OnlinePredictor.load(model[0]), OnlinePredictor.load(model[0])
     for predictor in (robot, other):
         last = predictor.update(1.0, [1], [[0.0, 0.0]])
-    with caplog.at_level(logging.WARNING):
-        assert robot.update(1.0, [1], [[7.0, 0.0]]) is not last
-        assert robot.update(0.5, [3], [[7.0, 0.0]]).track_id.tolist() == [1]
-    assert "dropped" in caplog.text
+    assert robot.update(1.0, [1], [[7.0, 0.0]]) is not last
+    assert robot.update(0.5, [3], [[7.0, 0.0]]).track_id.tolist() == [1]
     a, b = (predictor.update(1.3, [1], [[0.4, 0.0]]) for predictor in (robot, other))
     np.testing.assert_array_equal(a.position, b.position)
 
@@ -119,48 +116,45 @@ def test_a_copy_of_another_network_is_refused(model, tmp_path):
     graph = onnx.load(tmp_path / "model" / "network.onnx")
     graph.producer_name = "another"
     onnx.save(graph, tmp_path / "model" / "network.onnx")
-    with pytest.raises(InputError, match=r"network\.onnx, checksum: it is another network"):
+    with pytest.raises(InputError):
         pickle.loads(sent)  # noqa: S301 (of our own making)
 
 
 def test_an_altered_model_folder_is_refused(model, tmp_path):
     whole = {name: (model[0] / name).read_bytes() for name in ("network.onnx", "model.json")}
     about = json.loads(whole["model.json"])
-    altered = {"schema: 99": about | {"schema": 99}}
-    altered["description_sha256' is missing"] = {k: v for k, v in about.items() if k != "description_sha256"}
-    for field in ("tracker", "memory", "network_sha256"):
-        without = {name: value for name, value in about.items() if name != field}
-        altered[rf"(?#without {field})model\.json, checksum"] = without
-    altered[r"model\.json, checksum"] = about | {"protocol": about["protocol"] | {"dt_s": 0.4}}
-    changes = {named: {"model.json": json.dumps(plain).encode()} for named, plain in altered.items()}
-    changes[r"network\.onnx, checksum"] = {"network.onnx": whole["network.onnx"][:-7]}
-    for named, changed in changes.items():
-        for name, raw in (whole | changed).items():
-            (tmp_path / name).write_bytes(raw)
-        with pytest.raises(InputError, match=named):
+    altered = [about | {"schema": 99}, about | {"protocol": about["protocol"] | {"dt_s": 0.4}}]
+    for field in ("tracker", "memory", "network_sha256", "description_sha256"):
+        altered.append({name: value for name, value in about.items() if name != field})
+    changes = [("model.json", json.dumps(plain).encode()) for plain in altered]
+    changes += [("network.onnx", whole["network.onnx"][:-7]), ("network.onnx", None)]
+    for changed, raw in changes:
+        for name in whole:
+            (tmp_path / name).write_bytes(whole[name])
+        if raw is None:
+            (tmp_path / changed).unlink()
+        else:
+            (tmp_path / changed).write_bytes(raw)
+        with pytest.raises(InputError) as error:
             OnlinePredictor.load(tmp_path)
-    (tmp_path / "model.json").write_bytes(whole["model.json"])
-    (tmp_path / "network.onnx").unlink()
-    with pytest.raises(InputError, match=r"network\.onnx"):
-        OnlinePredictor.load(tmp_path)
+        assert raw is None or error.value.path.name == changed
 
 
 @pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("dt_s", 1e-9),
-        ("horizon_steps", 9999),
-        ("lost_after_s", 9999.0),
-    ],
+    ("field", "value"), [("dt_s", 1e-9), ("horizon_steps", 9999), ("lost_after_s", 9999.0)]
 )
 def test_a_description_of_absurd_size_is_refused(model, field, value):
     about = OnlinePredictor.load(model[0]).description
-    with pytest.raises(ValueRuleError, match=field):
-        replace(about, made_with=replace(about.made_with, protocol=replace(about.protocol, **{field: value})))
-    with pytest.raises(ValueRuleError, match="position_noise_m"):
-        replace(about, tracker=replace(about.tracker, position_noise_m=1e300))
-    with pytest.raises(ValueRuleError, match="memory"):
-        replace(about, memory={"h": (9999, 9999)})
+    made_with = about.made_with
+    for wrong in (
+        lambda: replace(
+            about, made_with=replace(made_with, protocol=replace(about.protocol, **{field: value}))
+        ),
+        lambda: replace(about, tracker=replace(about.tracker, position_noise_m=1e300)),
+        lambda: replace(about, memory={"h": (9999, 9999)}),
+    ):
+        with pytest.raises(ValueRuleError):
+            wrong()
 
 
 def test_weights_in_other_files_are_refused(model, tmp_path, monkeypatch):
@@ -169,12 +163,8 @@ def test_weights_in_other_files_are_refused(model, tmp_path, monkeypatch):
     onnx.save_model(graph, tmp_path / "network.onnx", save_as_external_data=True, location="weights.bin")
     write_description(tmp_path, OnlinePredictor.load(model[0]).description, {})
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match=r"network\.onnx, graph.*weights\.bin"):
+    with pytest.raises(InputError):
         OnlinePredictor.load(tmp_path)
-
-
-def test_a_description_comes_back_as_it_was(model):
-    assert OnlinePredictor.load(model[0]).description.made_with == LSTM_ROWS
 
 
 def test_an_export_is_the_same_bytes_each_time_and_names_no_path(model, tmp_path):
@@ -185,7 +175,7 @@ def test_an_export_is_the_same_bytes_each_time_and_names_no_path(model, tmp_path
 
 
 @pytest.mark.parametrize("of", ["model", "mixture"])
-def test_weights_in_half_precision_take_half_the_space_and_forecast_the_same(request, of, tmp_path):
+def test_half_precision_forecasts_the_same_in_half_the_space(request, of, tmp_path):
     """Along a walk, so that errors could build up in the memory; the same bytes each time."""
     whole = request.getfixturevalue(of)[0]
     for name in ("half", "again"):
@@ -229,7 +219,7 @@ def test_the_example_on_a_page_runs(page, model, monkeypatch):
     assert names["forecast"].position.shape == (2, 10, 2)
 
 
-def test_people_who_have_just_appeared_are_forecast_to_walk_when_they_have_clearly_moved(mixture):
+def test_newborn_people_walk_if_they_have_clearly_moved(mixture):
     """Noise of a few cm between two detections is no walking."""
     noise_m = OnlinePredictor.load(mixture[0]).description.tracker.position_noise_m
     for moved, share in ((2.4 * noise_m, 0.0), (3.75 * noise_m, 0.5), (5.1 * noise_m, 1.0)):
@@ -241,7 +231,7 @@ def test_people_who_have_just_appeared_are_forecast_to_walk_when_they_have_clear
         assert moving_shares(place, last, new, 0.0 * belief, noise_m) == 1.0  # velocities are known
 
 
-def test_declared_noise_of_people_who_have_just_appeared_is_no_walking():
+def test_declared_noise_of_newborn_people_is_no_walking():
     """The shipped network: 20 people stand, detected 10 times a second with 10 cm of noise."""
     rng, robot = np.random.default_rng(3), OnlinePredictor.load(None, OnlineSettings(detection_noise_m=0.1))
     place, away_m = 5.0 * np.stack([np.arange(20) % 5, np.arange(20) // 5], axis=-1), []

@@ -29,7 +29,7 @@ assert forecast.position.shape == (2, 10, 2)
 """
 WITH_FILES = """
 from pedpred.driving.intentions import FORCES, published_forces
-from pedpred.driving.worlds import TRAINED_ON, ranges
+from pedpred.driving.places import TRAINED_ON, ranges
 assert TRAINED_ON[0].exists() and ranges() and FORCES[0].exists() and published_forces()
 from pedpred.command import main
 main()

@@ -18,10 +18,9 @@ from pedpred.report.page.player import ReplaySettings, replay
 from pedpred.report.places import places_section
 from pedpred.report.results import results_of
 from pedpred.report.snapshots import grid_image
-from pedpred.report.tables import whiskers
 from pedpred.scenes import OccupancyMap, Predictions
 from tests.forecasts import METHODS, PAPER
-from tests.reports import MEETING, curves, metrics_of, planned, result_of, room
+from tests.reports import MEETING, curves, metrics_of, planned, room
 
 REPORTS = Path(__file__).resolve().parents[1] / "reports"
 LATENCY = [{"pedestrians": n, "median_ms": 0.5 * n, "p99_ms": 0.7 * n} for n in (1, 20, 200)]
@@ -154,47 +153,12 @@ def test_a_page_is_the_same_twice_and_needs_nothing_else(hall, galleries, text):
     assert not re.search(r"url\(|@import|\bfetch\(|XMLHttpRequest", text)
 
 
-def test_errors_over_the_horizon_are_on_the_page(text):
-    for metrics in (
-        own
-        for places in (SIMULATED, REAL)
-        for own in places["eth" if "eth" in places else "sim_test"].values()
-    ):
-        quartiles = zip(*(metrics[f"per_step_q{q}_m"] for q in (25, 50, 75)), strict=True)
-        for mean, ends in zip(metrics["per_step_m"], quartiles, strict=True):
-            assert f">{mean:.3f} ({', '.join(f'{end:.3f}' for end in ends)})</td>" in text
-
-
-def test_no_two_columns_of_a_table_have_one_title(text):
-    for table in re.findall(r"<thead>.*?</thead>", text, re.DOTALL):
-        titles = re.findall(r"<th[ >][^<]*", table)
-        assert len(titles) == len(set(titles)), titles
-
-
-def test_controls_begin_as_written(text):
-    """A browser that loads the page again keeps what was set, unless told not to; the player begins anew."""
-    controls = [own for tag, own in Elements(text).elements if tag in ("input", "select")]
-    assert {own.get("type") for own in controls} == {"radio", "range", None}
-    assert {own.get("autocomplete") for own in controls} == {"off"}
-
-
-def test_whiskers_share_a_scale_without_outliers():
-    marks = whiskers(result_of(metrics_of(MEETING | {"ca": 9.0})).figures)
-    assert marks["lstm"].middle / marks["cv"].middle == pytest.approx(0.4 / 0.7)
-    assert [name for name, mark in marks.items() if mark.beyond] == ["ca"]
-
-
 # What the player gets
 
 
 def test_the_same_replay_has_the_same_data(hall):
     assert replay(*hall, stretch(0.9), METHODS).data == replay(*hall, stretch(0.9), METHODS).data
     assert replay(*hall, stretch(60.0), METHODS).header["duration_s"] == pytest.approx(np.ptp(hall[1].time_s))
-
-
-def test_only_methods_that_are_kept_are_offered(hall):
-    header = replay(*hall, dataclasses.replace(KEPT, methods=("cv",)), METHODS).header
-    assert (header["methods"], header["modes"]) == (["lstm"], [])
 
 
 # In a browser
@@ -273,22 +237,6 @@ def test_the_page_loads_alone_and_fits(visit_at, width, scheme):
     assert (paper > ink) == (scheme == "light")
 
 
-def test_without_scripts_no_dead_control_is_shown(browser, file):
-    context = browser.new_context(java_script_enabled=False)
-    page = context.new_page()
-    page.goto(file.as_uri())
-    assert page.is_visible("#replay noscript p")
-    assert not any(control.is_visible() for control in page.locator("input, select, button").all())
-    context.close()
-
-
-def test_on_a_phone_every_table_says_what_its_figures_are(visit_at):
-    page = visit_at(390).page
-    page.evaluate("for (const folded of document.querySelectorAll('details')) folded.open = true")
-    hidden = "[...document.querySelectorAll('thead th:first-child')].filter((one) => !one.offsetHeight)"
-    assert page.evaluate(f"{hidden}.map((one) => one.textContent)") == []
-
-
 def test_paper_is_white_and_holds_every_column(visit_at):
     page = visit_at(700, "dark").page  # px; a sheet of A4 between its margins has 718
     page.emulate_media(media="print")
@@ -318,18 +266,6 @@ def test_the_player_plays_scrubs_and_changes_scene(visit_at):
     visit.page.click("text=attic")
     visit.page.wait_for_selector("#player[data-scene=attic][data-playing=false]")
     assert visit.problems == []
-
-
-def test_a_replay_keeps_its_stretch(visit, hall):
-    found = replay(*hall, stretch(0.9), METHODS)
-    assert found.header["duration_s"] == 0.9
-    assert visit.decoded("replay.frames.map((frame) => frame.time)", found) == pytest.approx(
-        [0, 0.3, 0.6, 0.9]
-    )
-    times = np.array(visit.decoded("replay.seen.time", found))
-    assert (times.min(), times.max()) == (0, pytest.approx(0.9 + 3.0))
-    shown = np.array(visit.decoded("replay.map", found)).reshape(200, 200)
-    np.testing.assert_array_equal(shown, hall[0].occupancy.occupied.T)
 
 
 def test_a_forecast_is_shown_until_the_next_one(visit, hall):
@@ -375,14 +311,6 @@ def test_the_player_draws_likely_modes_by_their_weight(visit_at, hall):
     assert [widths.count(round(1 + 7 * weight, 3)) for weight in (0.7, 0.3)] == [5, 5]
 
 
-@pytest.mark.parametrize("given", [{"modes": 1}, {"least_weight": 0.5}])
-def test_modes_that_are_left_out_are_not_drawn(visit, hall, given):
-    fewer = replay(*hall, dataclasses.replace(KEPT, **given), METHODS)
-    assert len(fewer.data) < len(replay(*hall, KEPT, METHODS).data)
-    (one,) = visit.decoded("replay.modesOf('kalman_cv', 3)", fewer)
-    assert one["weight"] == pytest.approx(0.7)
-
-
 def test_the_player_shows_the_inputs_of_the_network(visit, hall):
     _, windows = hall
     order = np.lexsort((windows.time_s, windows.track_id))
@@ -415,9 +343,3 @@ def test_a_click_picks_the_person_there(visit_at, hall):
     for label, method in (("Kalman CV", "kalman_cv"), ("LSTM", "lstm")):
         assert float(errors[label]) == pytest.approx(windows.ade_m(method)[row], abs=0.011)
     assert visit.problems == []
-
-
-def test_a_figure_shows_its_interval_when_tapped(visit_at):
-    visit = visit_at(390)
-    visit.page.locator('[data-metric="real.eth.kalman_cv.ade_m"]:visible').first.click()
-    assert "0.580 to 0.630 m" in visit.page.inner_text("#tip")

@@ -10,9 +10,8 @@ import torch
 from matplotlib.figure import Figure
 from PIL import Image
 
-from pedpred.errors import ValueRuleError
 from pedpred.geometry import Homography, rotate
-from pedpred.metrics.calibration import radius2, share_inside, squared_mahalanobis
+from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features.grids import occupancy_crops
 from pedpred.report.canvas import avif_bytes, png_bytes
@@ -21,12 +20,11 @@ from pedpred.report.error_plots import horizon_table
 from pedpred.report.gallery import draw_gallery
 from pedpred.report.gather import Evaluated
 from pedpred.report.instants import RULES, Instant, choose, depth_m
-from pedpred.report.places import places_section
 from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turn_points
-from pedpred.report.reconstructions import choose_evenly, reconstruct
+from pedpred.report.reconstructions import choose_evenly
 from pedpred.report.regions import ellipse_outline, region_outlines
 from pedpred.report.scene_picture import scene_picture
-from pedpred.report.snapshots import draw_angular_grid, grid_image
+from pedpred.report.snapshots import grid_image
 from pedpred.report.walls import RANKS, wall_windows
 from pedpred.scenes import Camera, OccupancyMap, Predictions, Scene, Trajectories
 from tests.forecasts import METHODS, windows_with
@@ -49,12 +47,6 @@ def test_the_largest_and_the_smallest_gain_are_chosen():
     assert best.focus in best.rows
     assert (least.scene, least.time_s) == ("plain", 0.0)
     assert "smallest, +0.000 m" in least.caption
-
-
-@pytest.mark.parametrize(("crowd", "scene"), [(2, "few"), (3, "many"), (99, "many")])
-def test_gains_are_compared_where_most_people_move(crowd, scene):
-    scenes = {"few": planned(room(), walkers=2, planted_s=0.3), "many": planned(room(), walkers=4)}
-    assert chosen("gain", scenes, crowd=crowd).scene == scene
 
 
 AHEAD_S = (np.arange(10) + 1)[:, None] * 0.3
@@ -148,17 +140,6 @@ def test_of_each_person_at_a_wall_the_worst_window_is_a_candidate():
     assert not len(wall_windows(at_walls(people=3, far=3), walled(3), METHODS))
 
 
-def test_places_with_walls_have_a_picture_of_them():
-    metrics = metrics_of(MEETING)
-    metrics["cv"]["obstacle_share"] = 0.1
-    results = [replace(result_of(metrics, "hall", ["real/home"]), study="transfer")]
-    evaluated = Evaluated("transfer", "real", results, {"hall": [walled()]}, {"hall": at_walls()}, {}, None)
-    pictures = list(places_section([evaluated], METHODS).pictures)
-    assert [picture.name for picture in pictures] == ["walls_hall", "walls"]
-    assert len(pictures[0].figure.axes) == len(RANKS)
-    assert [text.get_text() for text in pictures[1].figure.axes[0].texts] == ["hall"]
-
-
 # People, forecasts and inputs
 
 
@@ -203,26 +184,6 @@ def test_the_region_of_equal_modes_is_that_of_one():
 def test_a_region_has_a_part_around_every_likely_mode():
     assert len(region_outlines(gaussians(8.0), 0, 0, 0.9)) == 2
     assert len(region_outlines(gaussians(8.0, (0.95, 0.05)), 0, 0, 0.9)) == 1
-
-
-def test_the_edge_of_a_region_is_where_its_share_is_inside():
-    outline = np.concatenate(region_outlines(gaussians(2.5), 0, 0, 0.5))[::7]
-    inside = [share_inside(gaussians(2.5), point[None, None])[0, 0] for point in outline]
-    np.testing.assert_allclose(inside, 0.5, atol=0.03)
-
-
-@pytest.mark.parametrize(("cell", "direction"), [(0, (0, 1)), (18, (-1, 0)), (36, (0, -1)), (54, (1, 0))])
-def test_a_person_ahead_is_drawn_above_and_one_to_the_left_left(cell, direction):
-    distance_m = np.full(72, 6.0)
-    distance_m[cell] = 3.0
-    axes = Figure().add_subplot(projection="polar")
-    draw_angular_grid(axes, distance_m, 6.0)
-    edge = cell * 2 * np.pi / 72
-    arcs = [patch for patch in axes.patches if patch.get_y() > 0]
-    assert len(arcs) == 1
-    assert arcs[0].get_x() == pytest.approx(edge)
-    tip, centre = axes.transData.transform([(edge, 3.0), (0.0, 0.0)])
-    np.testing.assert_allclose((tip - centre) / np.linalg.norm(tip - centre), direction, atol=1e-6)
 
 
 @pytest.mark.parametrize("turns", range(4))
@@ -314,7 +275,7 @@ def test_all_pictures_come_out_the_same_twice_and_small():
 
 
 @pytest.mark.parametrize("lack", ["lstm", "motion"])
-def test_a_place_without_the_main_method_or_without_motion_has_no_instants(lack):
+def test_instants_need_the_main_method_and_motion(lack):
     scene, windows = room(), planned(room())
     if lack == "lstm":
         del windows.predictions["lstm"]
@@ -338,16 +299,7 @@ def test_crops_are_chosen_at_even_ranks_of_occupied_share():
     assert len(choose_evenly({}, 4)) == 0
 
 
-def test_each_crop_is_reconstructed_by_itself():
-    network = GridAutoencoder(60, 8)
-    crops = np.random.default_rng(0).random((3, 60, 60)) < 0.2
-    (images, agreement), (alone, _) = reconstruct(network, crops), reconstruct(network, crops[2:])
-    np.testing.assert_array_equal(images[2:], alone)
-    occupied = images[0] > 0.5
-    assert agreement[0] == pytest.approx((occupied & crops[0]).sum() / (occupied | crops[0]).sum())
-
-
-def test_a_sheet_shows_every_room_apart_from_the_others_with_its_own_tracks():
+def test_a_sheet_shows_every_room_with_its_own_tracks():
     axes = contact_sheet([room(name) for name in ("a", "b", "c")], 6.0, columns=2).axes[0]
     corners = [np.reshape(image.get_extent(), (2, 2)).T for image in axes.images]
     assert [tuple(low) for low, _ in corners] == [(0.0, 21.0), (21.0, 21.0), (0.0, 0.0)]
@@ -355,14 +307,6 @@ def test_a_sheet_shows_every_room_apart_from_the_others_with_its_own_tracks():
         assert len(tracks.get_segments()) == 6
         points = np.concatenate(tracks.get_segments())
         np.testing.assert_allclose([points.min(axis=0) - low, high - points.max(axis=0)], [[2, 3], [11.5, 7]])
-
-
-def test_forecasts_of_an_unknown_scene_are_refused():
-    results, sets = [result_of(metrics_of(MEETING))], {"sim_test": [room()]}
-    with pytest.raises(ValueRuleError):
-        draw_gallery(
-            Evaluated("sim", "simulated", results, sets, {"attic": planned(room())}, {}, None), METHODS
-        )
 
 
 def test_the_horizon_table_has_a_row_per_step_and_sorts_as_text():

@@ -4,20 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pedpred.command import main
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.ros import check_recordable, write_recording
+from pedpred.ros.grids import GRID_TYPE, HORIZON, MOST_CELLS, fitting_ground, grid_messages, grid_topic
 from pedpred.ros.message_types import known_types, serialize
-from pedpred.ros.planning import (
-    GRID_TYPE,
-    PREDICTIONS,
-    PREDICTIONS_TYPE,
-    ROW,
-    grid_messages,
-    grid_topic,
-    predictions_message,
-)
+from pedpred.ros.planning import PREDICTIONS, PREDICTIONS_TYPE, ROW, predictions_message
 from pedpred.scenes import OccupancyMap, Predictions, predicted_occupancy
 from pedpred.storage.scenes import write_scene
 from tests.recorded import STEPS, contents, small_scene, walking_on
@@ -68,12 +63,12 @@ def test_a_planner_reads_every_mode_with_weight_and_covariance():
         np.testing.assert_allclose(spread, given.covariance[at], rtol=1e-6)
 
 
-def test_unknown_covariances_and_nobody_are_messages_too():
+def test_forecasts_without_covariances_or_people_are_messages():
     bare = replace(forecasts(), covariance=None)
     rows = table_of(received(PREDICTIONS_TYPE, predictions_message(np.arange(3), bare, 0, "map")))
     assert np.isnan(rows["cov_xy"]).all()
-    nobody = bare.select(np.zeros(0, int))
-    assert received(PREDICTIONS_TYPE, predictions_message(np.zeros(0, int), nobody, 0, "map")).width == 0
+    none = bare.select(np.zeros(0, int))
+    assert received(PREDICTIONS_TYPE, predictions_message(np.zeros(0, int), none, 0, "map")).width == 0
 
 
 def test_grids_are_stamped_with_the_time_that_they_are_about():
@@ -90,8 +85,34 @@ def test_grids_are_stamped_with_the_time_that_they_are_about():
         np.testing.assert_allclose(cells, 100 * expected[step], atol=0.51)
 
 
-def test_wide_modes_are_in_their_cells_too():
-    """Computed on larger cells, and within one per cent of what small ones give."""
+@given(st.integers(0, 2**32 - 1), st.integers(0, 4), st.sampled_from([3.0, 30.0, 300.0]))
+@settings(max_examples=40)
+def test_grids_are_those_of_the_whole_ground(seed, people, spread_m):
+    rng = np.random.default_rng(seed)
+    path = rng.normal(0, spread_m, (people, 2, 3, 2))
+    weight = np.tile([0.7, 0.3], (people, 1))
+    covariance = np.eye(2) * rng.uniform(1e-4, 1.0, (people, 2, 3, 1, 1))
+    forecasts = Predictions((weight[..., None, None] * path).sum(1), path, weight, 0.3, covariance)
+    ground = OccupancyMap(np.zeros((70, 40), bool), np.array([-20.0, -7.0]), 0.5)
+    expected = np.rint(100 * predicted_occupancy(forecasts, ground)).astype(int)
+    found = grid_messages(forecasts, ground, 0, "map", horizon=True)
+    cells = [np.asarray(found[grid_topic(step + 1)]["data"]).reshape(40, 70).T for step in range(3)]
+    assert np.abs(np.array(cells) - expected).max() <= 1
+    np.testing.assert_array_equal(found[HORIZON]["data"], np.max(cells, axis=0).T.ravel())
+
+
+@given(st.integers(1, 300), st.integers(1, 300), st.floats(-3, 6), st.floats(-1, 1), st.integers(1, 20))
+def test_the_cells_of_all_grids_are_never_too_many(width, height, side, cell, steps):
+    """Nor larger than asked for without need."""
+    ground = OccupancyMap(np.zeros((width, height), bool), np.zeros(2), 10.0**side)
+    cut = fitting_ground(ground, 10.0**cell, steps)
+    assert cut.occupied.size * steps <= MOST_CELLS
+    assert cut.resolution_m == 10.0**cell or cut.occupied.size * steps > MOST_CELLS / 8
+    assert (cut.extent_m >= ground.extent_m * (1 - 1e-9)).all()
+
+
+def test_wide_modes_are_computed_on_larger_cells():
+    """Within one per cent of what small ones give."""
     path = np.array([[[[0.3, 0.4]], [[1.5, -0.5]]], [[[-2.0, 1.0]], [[-1.0, 2.0]]]])
     spread = np.eye(2) * np.array([[0.1, 1.1], [0.6, 0.3]])[:, :, None, None, None] ** 2
     weight = np.array([[0.6, 0.4], [0.7, 0.3]])
@@ -116,30 +137,24 @@ def test_a_recording_carries_what_planners_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("cell_m", "error"), [(0.0, ValueRuleError), (np.nan, ValueRuleError), (1e-4, ShapeError)]
+    ("cell_m", "error"), [(0.0, ValueRuleError), (np.nan, ValueRuleError), (1e-4, ValueRuleError)]
 )
 def test_absurd_cells_are_refused_and_leave_no_file(tmp_path, cell_m, error):
     scene = small_scene()
-    with pytest.raises(error, match="cell"):
+    with pytest.raises(error):
         check_recordable(scene, STEPS, cell_m)
-    with pytest.raises(error, match="cell"):
+    with pytest.raises(error):
         write_recording(scene, tmp_path / "x.mcap", walking_on(scene), planned="lstm", cell_m=cell_m)
-    with pytest.raises(ValueRuleError, match="cv"):
+    with pytest.raises(ValueRuleError):
         write_recording(scene, tmp_path / "x.mcap", walking_on(scene), planned="cv")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_predict_writes_what_planners_read(tmp_path, mixture):
     write_scene(small_scene(), tmp_path / "hall")
-    arguments = [
-        "predict",
-        str(tmp_path / "hall"),
-        "--model",
-        str(mixture[0]),
-        "-o",
-        str(tmp_path / "x.mcap"),
-    ]
-    with pytest.raises(SystemExit, match="cells of all steps"):
+    hall, out = str(tmp_path / "hall"), str(tmp_path / "x.mcap")
+    arguments = ["predict", hall, "--model", str(mixture[0]), "-o", out]
+    with pytest.raises(SystemExit):
         main([*arguments, "--grid", "0.01"])
     main([*arguments, "--grid", "0.5"])
     rows = table_of(contents(tmp_path / "x.mcap", PREDICTIONS)[-1])

@@ -11,12 +11,12 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-from pedpred.errors import ValueRuleError
 from pedpred.training import train as train_learner
 from pedpred.training.augmentation import Augmentation
 from pedpred.training.distributed import ALONE, DistributedContext, distributed_context
 from pedpred.training.loop import train_step
 from tests.exported import train_on
+from tests.refused import refused
 from tests.test_learning import QUICK, SMALL, WIDTHS, toy_data
 
 VARIED = dataclasses.replace(QUICK, augmentation=Augmentation(0.5, (0.8, 1.2), 0.1, 0.2, 0.2))
@@ -69,27 +69,20 @@ def test_two_processes_learn_what_one_does_with_all_lanes(tmp_path):
 def test_lanes_are_divided_evenly_or_refused():
     shares = [DistributedContext(ALONE.device, rank=rank, size=4).share(64) for rank in range(4)]
     assert [i for share in shares for i in range(64)[share]] == list(range(64))
-    with pytest.raises(ValueRuleError, match="lanes"):
+    with refused("lanes"):
         DistributedContext(ALONE.device, size=3).share(64)
 
 
 def test_unknown_or_missing_devices_are_refused():
-    with pytest.raises(ValueRuleError, match="device"), distributed_context("tpu", False):
+    with refused("device"), distributed_context("tpu", False):
         pass
-    with pytest.raises(ValueRuleError, match="autocast"), distributed_context("cpu", "fast"):
+    with refused("autocast"), distributed_context("cpu", "fast"):
         pass
     if not torch.cuda.is_available():
-        with pytest.raises(ValueRuleError, match="device"), distributed_context("cuda", False):
+        with refused("device"), distributed_context("cuda", False):
             pass
         with distributed_context("auto", False) as here:
             assert here == ALONE
-
-
-@pytest.mark.parametrize("units", [{}, {"avx512_f": True, "amx_bf16": False}, {"amx_bf16": True}])
-def test_autocast_follows_the_units_of_the_processor(monkeypatch, units):
-    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: units, raising=False)
-    with distributed_context("cpu", "auto") as here:
-        assert here.autocast is units.get("amx_bf16", False)
 
 
 def test_bfloat16_products_change_a_loss_by_rounding_only(narrow_lstm):

@@ -11,9 +11,8 @@ import pytest
 import yaml
 
 from pedpred.baselines.registry import BASELINES
-from pedpred.evaluation import EvaluationSettings
-from pedpred.evaluation.compare import compare
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation import EvaluationSettings, measure
+from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception, parse_tracker
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
@@ -77,8 +76,8 @@ def real(request):
 def scored(scene, place, tracker):
     """Scores of constant velocity, the last step's and the tracker's, as the pipeline measures them."""
     how = Perception(tracker, 0.2, SensorSettings(**SENSORS[place["sensor"]]))
-    request = ask_about_windows(scene, how, ForecastProtocol(), memory=False)
-    _, scores = compare(request, {m: BASELINES[m]() for m in ("cv", "kalman_cv")}, EvaluationSettings())
+    windows = find_windows(scene, how, ForecastProtocol(), memory=False)
+    scores = measure(windows, {m: BASELINES[m]() for m in ("cv", "kalman_cv")}, EvaluationSettings())
     return scores
 
 

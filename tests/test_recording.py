@@ -20,30 +20,27 @@ from tests.forecasts import METHODS
 from tests.recorded import LINES, SHOWN, STEPS, contents, decoded, small_scene, walking_on
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_a_recording_is_read_as_a_bag(tmp_path, known):
+@pytest.mark.parametrize("has_velocity", [True, False])
+def test_a_recording_is_read_as_a_bag(tmp_path, has_velocity):
     """People and map come back; stamps have whole nanoseconds."""
     scene = small_scene()
-    if not known:
+    if not has_velocity:
         scene = replace(scene, trajectories=replace(scene.trajectories, velocity=None))
     write_recording(scene, tmp_path / "hall.mcap")
     found = read_bag(tmp_path / "hall.mcap")
     assert found.name == "hall"
-    assert_same_people(found.trajectories, scene.trajectories)
+    for name in ("track_id", "position"):
+        expected = getattr(scene.trajectories, name)[
+            np.lexsort((scene.trajectories.track_id, scene.trajectories.time_s))
+        ]
+        np.testing.assert_array_equal(getattr(found.trajectories, name), expected)
+    np.testing.assert_allclose(found.trajectories.time_s, scene.trajectories.time_s, atol=1e-9)
     np.testing.assert_array_equal(found.occupancy.occupied, scene.occupancy.occupied)
     np.testing.assert_allclose(found.occupancy.origin, scene.occupancy.origin)
     assert found.occupancy.resolution_m == pytest.approx(scene.occupancy.resolution_m)
 
 
-def assert_same_people(found, expected):
-    order = np.lexsort((expected.track_id, expected.time_s))
-    mine = np.lexsort((found.track_id, found.time_s))
-    np.testing.assert_array_equal(found.track_id[mine], expected.track_id[order])
-    np.testing.assert_allclose(found.time_s[mine], expected.time_s[order], atol=1e-9)
-    np.testing.assert_array_equal(found.position[mine], expected.position[order])
-
-
-def test_every_message_can_be_read_and_carries_its_time_and_frame(tmp_path):
+def test_every_message_can_be_read_and_has_its_time_and_frame(tmp_path):
     scene = small_scene()
     write_recording(scene, tmp_path / "scene.mcap", walking_on(scene), SHOWN)
     profile, messages = decoded(tmp_path / "scene.mcap")
@@ -64,7 +61,7 @@ def test_every_message_can_be_read_and_carries_its_time_and_frame(tmp_path):
 
 
 @pytest.mark.parametrize("later_s", [0.0, -1e-9, 0.1], ids=["at", "rounded", "behind"])
-def test_markers_show_people_where_they_are_and_paths_where_they_lead(tmp_path, later_s):
+def test_markers_show_people_and_paths_where_they_are(tmp_path, later_s):
     scene = small_scene(tracks=1)
     windows = walking_on(scene)
     windows = replace(windows, time_s=np.abs(windows.time_s + later_s))
@@ -133,17 +130,16 @@ def test_same_scene_same_bytes(tmp_path):
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
-# Cut, altered and foreign files
-
-
 def test_what_cannot_be_written_is_named(tmp_path):
     scene = small_scene()
-    with pytest.raises(ValueRuleError, match="lstm"):
+    with pytest.raises(ValueRuleError) as error:
         write_recording(scene, tmp_path / "x.mcap", None, SHOWN)
+    assert (error.value.field, error.value.value) == ("method", "lstm")
     early = replace(scene, trajectories=replace(scene.trajectories, time_s=scene.trajectories.time_s - 100))
     for refusing in (check_recordable, lambda scene: write_recording(scene, tmp_path / "x.mcap")):
-        with pytest.raises(ValueRuleError, match="time_s = -"):
+        with pytest.raises(ValueRuleError) as error:
             refusing(early)
+        assert error.value.field == "time_s"
 
 
 def test_the_layout_shows_the_topics_that_are_written(tmp_path):
@@ -156,7 +152,7 @@ def test_the_layout_shows_the_topics_that_are_written(tmp_path):
 # The animated plan
 
 
-def test_people_move_on_the_line_between_two_detections_and_vanish_in_gaps():
+def test_people_move_between_detections_and_vanish_in_gaps():
     time_s, position = np.array([0.0, 0.4, 2.0]), np.array([[0.0, 0.0], [0.4, 0.8], [2.0, 0.0]])
     trajectories = Trajectories(time_s, np.zeros(3), position)
     np.testing.assert_allclose(positions_at(trajectories, 0.1, 0.6)[0], [0.1, 0.2])
@@ -167,7 +163,7 @@ def test_people_move_on_the_line_between_two_detections_and_vanish_in_gaps():
 
 def test_the_busiest_stretch_is_found():
     assert busiest_start(np.array([9.0, 0.0, 5.0, 5.5, 6.0, 6.2]), 1.0) == 5.0  # the earliest of two
-    with pytest.raises(ValueRuleError, match="forecasts to show"):
+    with pytest.raises(ValueRuleError):
         busiest_start(np.zeros(0), 1.0)
 
 
@@ -180,7 +176,7 @@ def test_an_animation_lasts_as_long_as_it_shows(tmp_path):
     assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
     with Image.open(tmp_path / "a.gif") as film:
         assert (film.n_frames, film.info["duration"], film.width) == (5, 200, 80)
-    with pytest.raises(ValueRuleError, match="method = 'cv'"):
+    with pytest.raises(ValueRuleError):
         write_animation(scene, walking_on(scene), other, METHODS, tmp_path / "c.gif")
 
 
@@ -192,13 +188,6 @@ def test_an_animation_keeps_the_pace_of_the_people(tmp_path, frame_s):
     with Image.open(tmp_path / "people.gif") as shown:
         lengths_ms = [frame.info["duration"] for frame in ImageSequence.Iterator(shown)]
     assert sum(lengths_ms) == pytest.approx(1000 * frame_s * np.ceil(1.0 / frame_s), abs=5)
-
-
-def test_a_layout_does_not_depend_on_the_order_of_the_methods(tmp_path):
-    methods = ["cv", "lstm", "kalman_cv"]
-    for name, order in {"a": methods, "b": methods[::-1]}.items():
-        write_layout(small_scene().occupancy, order, tmp_path / name)
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
 def test_a_replayed_map_is_latched(tmp_path):

@@ -1,7 +1,5 @@
 """Modes that are merged: what stays of a forecast, and what does not matter."""
 
-import dataclasses
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -45,13 +43,6 @@ def test_mean_and_covariance_of_the_positions_stay(seed, most):
     assert after.modes == min(most, before.modes)
     for one, other in zip(moments(before), moments(after), strict=True):
         np.testing.assert_allclose(other, one, atol=1e-9)
-
-
-def test_few_modes_and_single_paths_stay_as_they_are():
-    few = predictions(*modes(np.random.default_rng(0), count=12))
-    assert merge_modes(few, 6) is few
-    bare = dataclasses.replace(few, covariance=None)
-    assert merge_modes(bare, 2) is bare
 
 
 def test_copies_of_a_mode_become_one_and_the_density_stays():

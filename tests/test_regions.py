@@ -7,12 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.forecasting.detections import Detections
 from pedpred.forecasting.regions import Regions
 from pedpred.metrics.calibration import REGIONS, coverage, share_inside
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.scenes import Predictions
-from tests.forecasts import learned
+from tests.learners import at_instant, learned, place_of
 
 STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
 STAND, WALK = 0, 1
@@ -82,23 +81,13 @@ def test_nothing_is_learned_from_the_future(seed, cut):
 
 
 def stepped(regions, predictions, track_id, time_s, here, frames):
-    """Regions after some frames."""
+    """The place after some frames."""
+    place = place_of(regions)
     for time in np.unique(time_s)[frames]:
         rows = np.flatnonzero(time_s == time)
         own = predictions.select(rows)
-        regions, _ = regions.after(float(time), track_id[rows], here[rows], rows >= 0, own)
-    return regions
-
-
-@pytest.mark.parametrize(("until", "compared_s"), [(4, 0.0), (5, 0.3), (6, 0.6), (9, 1.5), (14, 3.0)])
-def test_each_step_learns_as_soon_as_its_time_has_come(until, compared_s):
-    """The first forecasts are kept at 0.9 s, when people have been detected four times; 0.2 s are waited."""
-    time_s, track_id, here, right = walks(np.random.default_rng(2), frames=20)
-    given_ = scaled(right, 0.4)
-    regions = stepped(Regions.unlearned(STEPS), given_, track_id, time_s, here, slice(until + 1))
-    over = (regions.steps + 1) * DT_S < compared_s + 0.01
-    assert (regions.learned[0, STAND, over] > 0.02).all()
-    np.testing.assert_array_equal(regions.learned[0, STAND, ~over], 0.0)
+        place, _ = at_instant(place, time, track_id[rows], here[rows], rows >= 0, own)
+    return place
 
 
 def test_people_who_leave_teach_nothing_in_the_end():
@@ -106,30 +95,13 @@ def test_people_who_leave_teach_nothing_in_the_end():
     time_s, track_id, here, right = walks(np.random.default_rng(9), frames=24, people=5)
     stays = time_s < 2.8
     given_ = scaled(right, 0.5)
-    regions = stepped(Regions.unlearned(STEPS), given_, track_id, time_s, here, slice(10))
-    assert (regions.learned[0, STAND, :2] > 0.02).all()
+    place = stepped(Regions.initial(STEPS), given_, track_id, time_s, here, slice(10))
+    assert (place.regions.learned[0, STAND, :2] > 0.02).all()
     nobody = np.flatnonzero(~stays)[:0]
     for time in np.unique(time_s[~stays]):
         own = given_.select(nobody)
-        regions, _ = regions.after(float(time), track_id[nobody], here[nobody], nobody >= 0, own)
-    np.testing.assert_allclose(regions.learned, 0.0, atol=1e-12)
-
-
-@settings(deadline=None)
-@given(people=st.integers(1, 5), later_s=st.floats(0.002, 5.0))
-def test_nobody_knows_where_people_are_after_their_last_detection(people, later_s):
-    track_id, time_s = np.repeat(np.arange(people), 8), np.tile(np.arange(8) * 0.4, people)
-    known = Detections(time_s, track_id, np.ones((len(time_s), 2)))
-    asked = np.arange(people)
-    assert np.isnan(known.at(asked, np.full(people, 2.8 + later_s))[0]).all()
-    np.testing.assert_allclose(known.at(asked, np.full(people, 2.8))[0], 1.0)
-
-
-def test_people_who_are_not_detected_teach_nothing():
-    time_s, track_id, here, predictions = walks(np.random.default_rng(3), frames=60)
-    away = here + 100.0
-    hidden = learned(scaled(predictions, 0.2), track_id, time_s, away, np.zeros(len(here), bool))
-    np.testing.assert_array_equal(hidden.covariance, scaled(predictions, 0.2).covariance)
+        place, _ = at_instant(place, time, track_id[nobody], here[nobody], nobody >= 0, own)
+    np.testing.assert_allclose(place.regions.learned, 0.0, atol=1e-12)
 
 
 def test_forecasts_without_covariances_stay():
@@ -142,28 +114,15 @@ def test_forecasts_without_covariances_stay():
 
 def test_what_is_kept_does_not_grow():
     time_s, track_id, here, predictions = walks(np.random.default_rng(5), frames=300, people=30)
-    regions, sizes = Regions.unlearned(STEPS), []
+    place, sizes = place_of(Regions.initial(STEPS)), []
     for frame in range(300):
         rows = np.arange(frame * 30, (frame + 1) * 30)
         own = predictions.select(rows)
-        regions, _ = regions.after(time_s[rows[0]], track_id[rows] + frame, here[rows], rows >= 0, own)
-        sizes.append((len(regions.waiting), len(regions.taught.step), len(regions.detections.time_s)))
+        place, _ = at_instant(place, time_s[rows[0]], track_id[rows] + frame, here[rows], rows >= 0, own)
+        regions = place.regions
+        sizes.append((len(regions.pending), len(regions.adjustment.step), len(place.detections.time_s)))
     assert (np.max(sizes, axis=0) == np.max(sizes[:50], axis=0)).all()
     assert np.max(sizes) < 50 * 30
-
-
-def test_with_nobody_known_it_keeps_what_it_learned():
-    time_s, track_id, here, predictions = walks(np.random.default_rng(6), frames=60)
-    regions = Regions.unlearned(STEPS)
-    for frame in range(60):
-        rows = np.arange(frame * 20, (frame + 1) * 20)
-        own = scaled(predictions.select(rows), 0.5)
-        regions, _ = regions.after(time_s[rows[0]], track_id[rows], here[rows], rows >= 0, own)
-    alone = regions.without_people()
-    assert (alone.waiting, len(alone.detections.time_s), len(alone.taught.step)) == ((), 0, 0)
-    own = predictions.select(np.arange(20))
-    np.testing.assert_array_equal(alone.scaled(own).covariance, regions.scaled(own).covariance)
-    assert (regions.scaled(own).covariance[:, 0, :, 0, 0] > own.covariance[:, 0, :, 0, 0]).all()
 
 
 def noisy(seed, every_s, noise_m, frames, people=20):
@@ -203,21 +162,7 @@ def test_declared_noise_is_not_in_the_regions(every_s):
     assert (shares_of_truth(without, truth) > shares_of_truth(after, truth)).all()
 
 
-@given(st.floats(0.01, 0.1), st.floats(0.002, 0.2), st.floats(0.2, 1.0))
-def test_no_region_shrinks_to_where_declared_noise_would_hide_it(noise_m, long_m, ratio):
-    short_m = ratio * long_m
-    covariance = np.tile(np.diag([long_m**2, short_m**2]), (1, 1, STEPS, 1, 1))
-    stands = Predictions.single(np.zeros((1, STEPS, 2)), DT_S, covariance[:, 0])
-    shrunk = np.stack([np.full((2, 4), -3.0), np.zeros((2, 4))])
-    sure, noisy_ = (
-        replace(Regions.unlearned(STEPS, n), learned=shrunk).scaled(stands) for n in (0.0, noise_m)
-    )
-    np.testing.assert_allclose(sure.covariance, np.exp(-6.0) * stands.covariance)
-    least_m = min(short_m, max(noise_m / 4, np.exp(-3.0) * short_m))
-    np.testing.assert_allclose(noisy_.covariance, (least_m / short_m) ** 2 * stands.covariance)
-
-
-def test_regions_of_people_who_stand_hold_them_where_noise_is_declared():
+def test_regions_hold_standing_people_where_noise_is_declared():
     """The shipped network: its modes lie about as far apart as the tracker errs."""
     rng, robot = np.random.default_rng(5), OnlinePredictor.load(None, OnlineSettings(detection_noise_m=0.05))
     place = np.stack(np.meshgrid(4.0 * np.arange(4), 4.0 * np.arange(2)), axis=-1).reshape(-1, 2)

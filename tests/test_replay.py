@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation.windows import request_about
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.online import OnlinePredictor, OnlineSettings
@@ -19,8 +19,7 @@ from tests.worlds import EXCERPT, jittered, recorded, walled_scene
 def everything_asked(scene, kind):
     """A request for a forecast of every detection, window or not."""
     how = Perception(KalmanBank.around(TRACKER) if kind == "kalman" else None, 0.2)
-    request = ask_about_windows(scene, how, ForecastProtocol())
-    return dataclasses.replace(request, rows=np.arange(len(request.table)))
+    return request_about(scene, how, ForecastProtocol(), scene.trajectories, memory=True)
 
 
 def assert_a_replay_agrees(scene, kind, model):
@@ -54,7 +53,7 @@ def test_a_replay_gives_the_offline_forecasts(request, of, kind, dt_s):
 
 @pytest.mark.parametrize("of", ["model", "mixture"])
 @pytest.mark.parametrize("of_each", ["frame", "detection"])
-def test_a_replay_of_irregular_stamps_gives_the_offline_forecasts(request, of, of_each):
+def test_a_replay_of_irregular_stamps_is_the_offline_forecast(request, of, of_each):
     scene = walled_scene(np.random.default_rng(2), 0.1, detections=60)
     assert_a_replay_agrees(
         jittered(scene, 0.02, np.random.default_rng(3), of_each), "kalman", request.getfixturevalue(of)

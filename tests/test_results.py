@@ -3,29 +3,24 @@
 import json
 import re
 from dataclasses import replace
-from itertools import combinations
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib.figure import Figure
 
-from pedpred.config import read_params
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.metrics import METRICS, Metric
-from pedpred.report.document import Picture, Pictures, Section, join_pages, markdown_table
+from pedpred.report.document import markdown_table
 from pedpred.report.findings import judge_expectations, sum_up
 from pedpred.report.gather import Evaluated, scene_names, study_page
-from pedpred.report.methods import Method, Methods
+from pedpred.report.methods import Method
 from pedpred.report.places import places_section, places_table, ratios_table, relative_errors, wins
-from pedpred.report.results import ADE_GAP, read_metrics, results_frame, results_of
+from pedpred.report.results import read_metrics, results_frame, results_of
 from pedpred.report.sections import answer
 from pedpred.report.tables import calibration_table, further_table, metrics_table, steps_table
 from pedpred.settings import load
-from tests.conftest import ROOT
 from tests.forecasts import METHODS, PAPER
 from tests.reports import MEETING, STEPS, metrics_of, result_of, room
-from tools.readme import tables_from
 
 SIMULATED = [{"test": ["simulated/sim_test"]}]
 
@@ -172,13 +167,6 @@ def test_a_row_of_metrics_holds_figures_and_intervals():
     assert rows["Kalman CV"][-1] == "-"
 
 
-def test_a_figure_without_an_interval_has_none_in_a_table():
-    metrics = metrics_of(MEETING)
-    metrics["lstm"] |= {f"{key}_ci95": [None, None] for key in ("moving_ade_m", ADE_GAP)}
-    row = metrics_table(result_of(metrics), METHODS).rows[-1]
-    assert (row.cells[3].tip, row.cells[-1].text) == ("", "-")
-
-
 def test_every_metric_is_in_one_table(monkeypatch):
     monkeypatch.setitem(METRICS, "toy_share", Metric("toy", "%", "higher", None))
     metrics = metrics_of({"cv": 0.7, "kalman_cv": 0.6, "lstm": 0.4})
@@ -223,32 +211,6 @@ def test_noncausal_figures_are_marked_before_the_first_table(key, train):
     marked = {name: own | {"noncausal": True} for name, own in metrics.items()}
     heads = [page_of(key, [result_of(m, train=train)]).partition("|")[0] for m in (metrics, marked)]
     assert ["Non-causal" in head for head in heads] == [False, True]
-
-
-def test_the_page_on_simulation_lists_scenes_and_pictures():
-    metrics, worse = metrics_of(MEETING), metrics_of(MEETING | {"lstm": 0.65})
-    sets = {"sim_test": metrics, "sim_test_office": metrics, "sim_test_g0": worse}
-    pictures = [Picture(f"p{k}", f"caption {k}", Figure()) for k in range(3)]
-    page = page_of("sim", results_of(sets, SIMULATED, "sim", 0.3), [Section("Look", [Pictures(pictures, 2)])])
-    assert "| office | 1234 |" in page
-    assert "LSTM below Kalman CV in 1 of 2; LSTM below LSTM-noGrid in 1 of 2." in page
-    assert "![p2](sim/p2.png)<br>caption 2" in page
-
-
-def test_the_page_on_real_people_names_the_folds():
-    folds = [{"train": ["real/hotel", "real/zara"], "test": ["real/eth"]}]
-    folds += [{"train": ["real/eth", "real/zara", "real/corner", "simulated/main"], "test": ["real/hotel"]}]
-    sets = {"eth": metrics_of(MEETING), "hotel": metrics_of(MEETING)}
-    page = page_of("real", results_of(sets, folds, "real", 0.3))
-    assert "At eth (fine-tuned on hotel and zara)" in page
-    assert "At hotel (fine-tuned on 3 other recordings)" in page
-
-
-def test_joined_pages_keep_links_and_lower_headings():
-    page = join_pages(["# One\n\n![a](sim/a.png)\n", "# Two\n\n## Part\n"])
-    headings = [row for row in page.split("\n") if row.startswith("#")]
-    assert headings == ["# Report", "## One", "## Two", "### Part"]
-    assert "![a](sim/a.png)" in page
 
 
 def test_scenes_of_one_name_in_two_test_sets_are_told_apart():
@@ -307,12 +269,6 @@ def test_wins_and_ratios_are_counted_by_place():
     assert table["yard"] == ["0.600 (0.580 to 0.630)", "1.20", "**0.83**", "**0.83**", "**0.83**", "1.00"]
 
 
-def test_networks_without_fine_tuning_are_not_called_fine_tuned():
-    sets = [{"train": ["real/lost"], "test": ["real/hall"]}]
-    results = results_of({"hall": metrics_of(MEETING)}, sets, "real", 0.3, ["real/lost"])
-    assert "simulation only" in wins({"real": results}, METHODS["lstm"], METHODS)
-
-
 def section_of(results, missing=None, scenes=None):
     evaluated = Evaluated("transfer", "real", results, scenes or {}, {}, {}, None, missing or {})
     return places_section([evaluated], METHODS), evaluated
@@ -334,19 +290,6 @@ def test_stand_ins_are_not_called_real():
     assert study_page(evaluated, [], METHODS, PAPER).markdown("real").count("drawn by hand") == 1
 
 
-@pytest.mark.parametrize(
-    "left_out", [("cv",), ("kalman_cv",), ("cv", "kalman_cv"), ("cv", "ca", "kalman_cv")]
-)
-def test_places_are_compared_with_the_simple_methods_there(left_out):
-    metrics = {place: metrics_of(MEETING) for place in ("hall", "yard")}
-    for own in metrics.values():
-        for method in left_out:
-            del own[method]
-    results = results_of(metrics, [{"test": ["real/hall", "real/yard"]}], "transfer", 0.3)
-    section, _ = section_of(results)
-    assert ("hall" in section.blocks[1].markdown("")) == (len(left_out) < 3)
-
-
 @pytest.mark.parametrize("exact", [{"kalman_cv"}, set(MEETING)])
 def test_exact_forecasts_have_pages(exact):
     metrics = metrics_of(MEETING)
@@ -357,41 +300,3 @@ def test_exact_forecasts_have_pages(exact):
     page = study_page(evaluated, [], METHODS, PAPER).markdown("")
     assert ("no better" if "lstm" in exact else "worse") in page
     assert section.blocks
-
-
-# Tables on README and in docs/
-
-
-@pytest.fixture(scope="module")
-def all_methods():
-    return Methods.read(ROOT, read_params(ROOT).comparison.reference)
-
-
-@pytest.fixture
-def studies():
-    files = {study: ROOT / f"reports/metrics/{study}.json" for study in ("transfer", "real")}
-    return {study: json.loads(path.read_text()) for study, path in files.items()}
-
-
-def test_a_place_of_one_study_has_an_empty_cell_for_the_other(studies, all_methods):
-    studies["real"]["crossing"] = studies["real"]["eth"]
-    row = tables_from(studies, all_methods)["places"].splitlines()[-1]
-    assert row.startswith("| crossing | ")
-    assert row.count("|  |") == 1  # of the network that is trained in simulation only
-
-
-@pytest.mark.parametrize(
-    "left_out", [s for n in (1, 2, 3) for s in combinations(("cv", "ca", "kalman_cv"), n)]
-)
-def test_tables_do_without_simple_methods(studies, all_methods, left_out):
-    for figures in studies.values():
-        for method in left_out:
-            del figures["eth"][method]
-    tables = tables_from(studies, all_methods)
-    assert "| eth | " in tables["places"]
-    assert (" eth " in tables["headline"]) == (len(left_out) < 3)
-
-
-def test_nothing_relates_to_an_exact_forecast(studies, all_methods):
-    studies["real"]["eth"]["cv"]["ade_m"] = 0.0
-    assert " eth " not in tables_from(studies, all_methods)["headline"]

@@ -12,7 +12,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections import Counter
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
@@ -38,6 +37,7 @@ PYTHON = ROOT / "build/ros/bin/python"
 if not PYTHON.exists():
     PYTHON = Path(sys.executable)
 
+NODE = PYTHON, "-m", "pedpred.ros2"
 PEER, PACKAGES = ROOT / "tests/ros_packages/peer.py", ROOT / "tests/ros_packages"
 CLOUD = "sensor_msgs/msg/PointCloud2"
 AGENTS = "pedsim_msgs/msg/AgentStates"
@@ -82,21 +82,26 @@ class Place:
             "PYTHONUNBUFFERED": "1",
         }
 
-    def start(self, command, told):
-        """Run a command; what it says is written to the file `told`."""
-        with told.open("w") as log:
+    def start(self, command, log):
+        """Run a command, whose output is written to the file `log`."""
+        with log.open("w") as out:
             process = subprocess.Popen(
-                command, stdout=log, stderr=subprocess.STDOUT, env=self.environment, cwd=self.folder
+                command, stdout=out, stderr=subprocess.STDOUT, env=self.environment, cwd=self.folder
             )
         self.processes.append(process)
         return process
 
-    def wait(self, is_there, what, told=None):
-        """Wait for something, at most `LIMIT_S`; the error says what, and what the file `told` holds."""
+    def run(self, command, **environment):
+        """Run a command to its end."""
+        how = {"cwd": self.folder, "capture_output": True, "text": True, "timeout": LIMIT_S, "check": False}
+        return subprocess.run(command, env=self.environment | environment, **how)
+
+    def wait(self, is_there, what, log=None):
+        """Wait for something, at most `LIMIT_S`; the error has the text of the file `log`."""
         end_s = time.monotonic() + LIMIT_S
         while not is_there():
-            words = told.read_text() if told else ""
-            assert time.monotonic() < end_s, f"no {what} within {LIMIT_S} s {words}"
+            text = log.read_text() if log else ""
+            assert time.monotonic() < end_s, f"no {what} within {LIMIT_S} s {text}"
             time.sleep(0.05)
 
     def close(self):
@@ -106,41 +111,35 @@ class Place:
             process.wait(LIMIT_S)
 
     @contextmanager
-    def node(
-        self,
-        *arguments,
-        ready="forecasting people",
-        number=signal.SIGTERM,
-        command=(PYTHON, "-m", "pedpred.ros2"),
-    ):
-        """Run the node until the block ends, which a signal tells it; its log lines are in `told`."""
-        told = self.folder / "node.txt"
+    def node(self, *arguments, ready="forecasting people", number=signal.SIGTERM, command=NODE):
+        """Run the node until the block ends, then end it by a signal; its output is in `log`."""
+        log = self.folder / "node.txt"
         patient = "-p", "max_wait_s:=3600.0"  # a busy machine may be slow
-        process = self.start([*command, "--ros-args", *arguments, *patient], told)
-        self.wait(lambda: process.poll() is not None or ready in told.read_text(), repr(ready), told)
-        assert process.poll() is None, told.read_text()
+        process = self.start([*command, "--ros-args", *arguments, *patient], log)
+        self.wait(lambda: process.poll() is not None or ready in log.read_text(), repr(ready), log)
+        assert process.poll() is None, log.read_text()
         try:
-            yield told
+            yield log
         except subprocess.TimeoutExpired as cause:
-            raise AssertionError(f"{cause}; the node said {told.read_text()}") from cause
-        assert process.poll() is None, f"the node has ended: {told.read_text()}"
+            raise AssertionError(f"{cause}; the node printed {log.read_text()}") from cause
+        assert process.poll() is None, f"the node has ended: {log.read_text()}"
         process.send_signal(number)
-        assert process.wait(LIMIT_S) == 0, told.read_text()
-        assert "Traceback" not in told.read_text()
+        assert process.wait(LIMIT_S) == 0, log.read_text()
+        assert "Traceback" not in log.read_text()
 
     def peer(self, **plan):
-        """Start a process of ros_packages/peer.py; returns it, its record and what it says."""
+        """Start a process of ros_packages/peer.py; returns it, its record and its output."""
         path = self.folder / f"plan{next(self.plans)}.json"
-        out, told = path.with_suffix(".out"), path.with_suffix(".txt")
+        out, log = path.with_suffix(".out"), path.with_suffix(".txt")
         path.write_text(json.dumps({"out": str(out), "limit_s": LIMIT_S} | plan))
-        return self.start([PYTHON, PEER, path], told), out, told
+        return self.start([PYTHON, PEER, path], log), out, log
 
     def exchange(self, publish, beat, send, record, until, probe=(), since_s=100):
         """Publish in one process, record in another one; returns topic -> messages as they were received.
 
         Args:
             publish: topic, type, QoS of each publisher.
-            beat: index of a publisher and message, nobody, sent with later and later stamps until forecasts
+            beat: index of a publisher and an empty message, sent with later and later stamps until forecasts
                 arrive.
             send: time (s), index of a publisher, message.
             record: topic, type, QoS.
@@ -152,22 +151,22 @@ class Place:
         shared = {name: str(self.folder / f"{name}{number}") for name in ("ready", "done")}
         answers = [topic for topic, kind, _ in record if kind == CLOUD]
         asked = {"until": until, "answers": answers, "since_s": since_s}
-        recorder, out, heard_said = self.peer(record=record, **asked, **shared)
-        sender, _, sent_said = self.peer(publish=publish, probe=probe, beat=beat, send=send, **shared)
+        recorder, out, recorder_log = self.peer(record=record, **asked, **shared)
+        sender, _, sender_log = self.peer(publish=publish, probe=probe, beat=beat, send=send, **shared)
         longest_s = 4 * LIMIT_S + send[-1][0]  # each wait of a peer ends before
         codes = recorder.wait(longest_s), sender.wait(longest_s)
-        words = {path.name: path.read_text() for path in (heard_said, sent_said, self.folder / "node.txt")}
-        assert codes == (0, 0), "\n".join(words.values())
+        logs = recorder_log, sender_log, self.folder / "node.txt"
+        assert codes == (0, 0), "\n".join(log.read_text() for log in logs)
         kinds = {topic: kind for topic, kind, _ in record}
-        heard = {topic: [] for topic in kinds}
+        received = {topic: [] for topic in kinds}
         for line in out.read_text().splitlines():
             topic, _, text = line.split()
-            heard[topic].append(known_types().deserialize_cdr(bytes.fromhex(text), kinds[topic]))
-        return heard
+            received[topic].append(known_types().deserialize_cdr(bytes.fromhex(text), kinds[topic]))
+        return received
 
 
-def people(*told, **places):
-    return people_bytes(*told, **places).hex()
+def people(*about, **places):
+    return people_bytes(*about, **places).hex()
 
 
 def transforms(*poses):
@@ -218,39 +217,37 @@ def test_people_of_a_robot_that_drives_and_turns(place):
     arguments = ["-r", "__ns:=/robot", "-r", "people:=detections", "-p", "use_sim_time:=true"]
     arguments += ["-p", "occupancy_cell_m:=0.5"]
     arguments += ["-p", "transform_timeout_s:=60.0"]  # a busy machine may be slow to publish them
-    with place.node(*arguments) as told:
+    with place.node(*arguments) as log:
         sent = sorted(send, key=lambda one: one[0])
         until = {"/robot/predictions": frames, "/diagnostics": 2}
-        heard = place.exchange(publish, beat, sent, latched, until, probe, start_s)
+        received = place.exchange(publish, beat, sent, latched, until, probe, start_s)
         again = place.exchange(publish, beat, sent, volatile, until, probe, start_s)
-    assert "map of " in told.read_text()
-    assert "/tf: stamps of 'base_link' go back" in told.read_text()
-    assert "no map has come" not in told.read_text()
+    assert "'base_link' go back" in log.read_text()
     check_walks(again, start_s, frames)
-    check_walks(heard, start_s, frames)
-    rows = rows_of(heard["/robot/predictions"][-1])
-    (names,) = heard["/robot/predictions/names"]
+    check_walks(received, start_s, frames)
+    rows = rows_of(received["/robot/predictions"][-1])
+    (names,) = received["/robot/predictions/names"]
     (number,) = json.loads(names.data)
     assert int(number) in rows["track_high"].astype(np.int64) * 2**32 + rows["track_id"]
-    assert start_s <= seconds(heard["/diagnostics"][-1].header.stamp) < start_s + frames / 10
-    texts = {one.text for one in heard["/robot/predictions/markers"][-1].markers if one.type == 9}
+    assert start_s <= seconds(received["/diagnostics"][-1].header.stamp) < start_s + frames / 10
+    texts = {one.text for one in received["/robot/predictions/markers"][-1].markers if one.type == 9}
     assert texts == {"anna", "7"}
-    assert max(heard["/robot/predicted_occupancy/horizon"][-1].data) > 0
+    assert max(received["/robot/predicted_occupancy/horizon"][-1].data) > 0
 
 
-def check_walks(heard, start_s, frames):
+def check_walks(received, start_s, frames):
     """Every frame is forecast once, in the frame of the map; who stands is slower than 0.05 m/s."""
-    clouds = heard["/robot/predictions"]
+    clouds = received["/robot/predictions"]
     stamps = [seconds(cloud.header.stamp) for cloud in clouds]
     np.testing.assert_allclose(stamps, start_s + np.arange(frames) / 10, atol=1e-6)
     assert {cloud.header.frame_id for cloud in clouds} == {"map"}
     assert {field.datatype for field in clouds[0].fields if field.name in ("x", "y", "z")} == {7}
     there = ODOM[0].apply(STANDING) + ODOM[1]
-    for message in heard["/robot/predictions/people"][-10:]:
+    for message in received["/robot/predictions/people"][-10:]:
         anna = next(one for one in message.people if one.name == "anna")
         assert np.hypot(anna.velocity.x, anna.velocity.y) < 0.05
         assert np.hypot(anna.position.x - there[0], anna.position.y - there[1]) < 0.1
-    last = heard["/robot/predictions/people"][-1]
+    last = received["/robot/predictions/people"][-1]
     walker = next(one for one in last.people if one.name == "7")
     np.testing.assert_allclose([walker.velocity.x, walker.velocity.y], ODOM[0].apply(SPEED)[:2], atol=0.3)
 
@@ -265,48 +262,45 @@ def test_a_latched_map_of_before_is_used_and_updates_change_it(place):
     send.append((2.5, 1, serialize(UPDATE_TYPE, update).hex()))
     publish = [("/people", PEOPLE_TYPE, "rv"), ("/map_updates", UPDATE_TYPE, "rv")]
     record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
-    with place.node(ready="map of ") as told:
+    with place.node(ready="map of "):
         until = {"/predictions": 25, "/diagnostics": 5}
-        heard = place.exchange(publish, (0, people(60.0)), send, record, until)
-    assert "no map has come" not in told.read_text()
-    statuses = [status for message in heard["/diagnostics"] for status in message.status]
+        received = place.exchange(publish, (0, people(60.0)), send, record, until)
+    statuses = [status for message in received["/diagnostics"] for status in message.status]
     assert {(status.level, status.message) for status in statuses} & {(0, "forecasts with map")}
     maps = [pair.value for status in statuses for pair in status.values if pair.key == "map"]
     assert maps[0] == "100 x 60 cells, 3.0 % blocked"
     assert maps[-1] == "100 x 60 cells, 6.0 % blocked"
 
 
-def test_without_a_map_everybody_is_told(place):
+def test_a_missing_map_is_warned_about(place):
     """And a second publisher whose time begins again goes on; Ctrl-C ends the node without a traceback."""
     walk = [(k / 10, 0, people(100.0 + k / 10, **{"5": (k / 10, 0.0)})) for k in range(25)]
     record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
     publish = [("/people", PEOPLE_TYPE, "bv")]
-    with place.node(number=signal.SIGINT) as told:
+    with place.node(number=signal.SIGINT) as log:
         for _ in range(2):
             until = {"/predictions": 25, "/diagnostics": 2}
-            heard = place.exchange(publish, (0, people(60.0)), walk, record, until)
-            times = [cloud.header.stamp.sec for cloud in heard["/predictions"]]
+            received = place.exchange(publish, (0, people(60.0)), walk, record, until)
+            times = [cloud.header.stamp.sec for cloud in received["/predictions"]]
             assert times[0] == 100
             assert times == sorted(times)
-    text = told.read_text()
-    assert "forecasts go through walls" in text
-    assert "all are forgotten" in text  # when time began again
-    statuses = [status for message in heard["/diagnostics"] for status in message.status]
-    assert any("no map: forecasts go through walls" in one.message and one.level == 1 for one in statuses)
+    assert "use_map" in log.read_text()
+    statuses = [status for message in received["/diagnostics"] for status in message.status]
+    assert any("no map" in one.message and one.level == 1 for one in statuses)
 
 
-def test_what_is_missing_between_frames_is_said_and_not_repeated(place):
+def test_a_missing_transform_is_logged_and_not_repeated(place):
     walk = [(k / 20, 0, people(100.0 + k / 20, "camera", **{"5": (k / 20, 0.0)})) for k in range(40)]
     record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
     beat, until = (0, people(60.0, "camera")), {"/diagnostics": 4}
-    with place.node("-p", "use_map:=false") as told:
+    with place.node("-p", "use_map:=false") as log:
         place.exchange([("/people", PEOPLE_TYPE, "rv")], beat, walk, record, until)
-    lines = [line for line in told.read_text().splitlines() if "left out" in line]
-    assert "no /tf leads from 'camera' to 'map': 'camera' has no parent and 'map' has no parent" in lines[0]
+    lines = [line for line in log.read_text().splitlines() if "left out" in line]
+    assert "'camera'" in lines[0]
     assert len(lines) <= 3
 
 
-def test_publishers_that_are_not_heard_are_told_of_and_a_clock_that_does_not_come(place):
+def test_publishers_of_other_qos_are_warned_about(place):
     """Transforms are best effort, fixed ones volatile; one of the map's two subscriptions hears it."""
     deaf = [
         ("/tf", TF, "bv"),
@@ -318,29 +312,29 @@ def test_publishers_that_are_not_heard_are_told_of_and_a_clock_that_does_not_com
     publish = [("/people", PEOPLE_TYPE, "bv")]
     send = [(k / 10, 0, people(100.0 + k / 10, ada=(0.0, 0.0))) for k in range(5)]
     record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
-    with place.node("-p", "use_sim_time:=true", "-p", "occupancy_cell_m:=0.1") as told:
+    with place.node("-p", "use_sim_time:=true", "-p", "occupancy_cell_m:=0.1") as log:
         until = {"/predictions": 5, "/diagnostics": 2}
-        heard = place.exchange(publish, (0, people(60.0)), send, record, until)
-        place.wait(lambda: told.read_text().count("offering incompatible QoS") > 2, "warnings", told)
-    lines = [line for line in told.read_text().splitlines() if "offering incompatible QoS" in line]
+        received = place.exchange(publish, (0, people(60.0)), send, record, until)
+        place.wait(lambda: log.read_text().count("offering incompatible QoS") > 2, "warnings", log)
+    lines = [line for line in log.read_text().splitlines() if "offering incompatible QoS" in line]
     topics = {"/" + line.partition("topic '")[2].partition("'")[0].lstrip("/") for line in lines}
     assert topics == {"/tf", "/tf_static", "/map_updates"}
-    assert "use_sim_time" in heard["/diagnostics"][-1].status[0].message
+    assert "use_sim_time" in received["/diagnostics"][-1].status[0].message
 
 
-def test_two_nodes_on_the_same_topics_are_told_of(place):
+def test_another_node_on_the_same_topics_is_warned_about(place):
     record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
     arguments = "-p", "use_map:=false"
     place.start((PYTHON, "-m", "pedpred.ros2", "--ros-args", *arguments), place.folder / "other.txt")
     place.wait(lambda: "forecasting people" in (place.folder / "other.txt").read_text(), "another node")
     with place.node(*arguments):
         publish, send = [("/people", PEOPLE_TYPE, "rv")], [(1.0, 0, people(100.0, ada=(0.0, 0.0)))]
-        heard = place.exchange(publish, (0, people(60.0)), send, record, {"/diagnostics": 4})
-    assert all("another node publishes" in one.status[0].message for one in heard["/diagnostics"][2:])
+        received = place.exchange(publish, (0, people(60.0)), send, record, {"/diagnostics": 4})
+    assert all("another node publishes" in one.status[0].message for one in received["/diagnostics"][2:])
 
 
 def test_no_message_ends_or_stalls_the_node(place):
-    """Wrong ones on all topics, again and again, then people, who are forecast; errors are told at times."""
+    """Wrong ones on all topics, again and again, then people, who are forecast; few errors are logged."""
     crowd = people(50.0, **{str(k): (k % 100, k // 100) for k in range(5000)})
     nowhere = serialize(GRID, {"info": {"width": 1, "height": 1, "resolution": 0.1}}).hex()
     loop = transforms(*(pose(*edge, *CAMERA, 50.0) for edge in (("a", "b"), ("b", "a"))))
@@ -352,15 +346,15 @@ def test_no_message_ends_or_stalls_the_node(place):
     send += [(3.0 + k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(20)]
     publish = [("/people", PEOPLE_TYPE, "rv"), ("/map", GRID, "rv"), ("/tf", TF, "rv")]
     record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
-    with place.node() as told:
+    with place.node() as log:
         until = {"/predictions": 20, "/diagnostics": 6}
-        heard = place.exchange(publish, (0, people(20.0)), send, record, until)
-    assert [rows_of(cloud)["x"].size > 0 for cloud in heard["/predictions"]] == [True] * 20
-    lines = [line for line in told.read_text().splitlines() if "left out" in line]
-    for text in ("since most_people is 1000: tracks", "it must be a people_msgs/msg/People", "has no parent"):
+        received = place.exchange(publish, (0, people(20.0)), send, record, until)
+    assert [rows_of(cloud)["x"].size > 0 for cloud in received["/predictions"]] == [True] * 20
+    lines = [line for line in log.read_text().splitlines() if "left out" in line]
+    for text in ("most_people", "people_msgs/msg/People", "'a'"):
         assert any(text in line for line in lines), text
     assert len(lines) < len(send) / 4
-    (table,) = ({pair.key: pair.value for pair in one.values} for one in heard["/diagnostics"][-1].status)
+    (table,) = ({pair.key: pair.value for pair in one.values} for one in received["/diagnostics"][-1].status)
     assert int(table["left out: people without a forecast"]) > 0
 
 
@@ -381,23 +375,6 @@ def test_the_node_ends_well_while_it_starts(place):
             time.sleep(0.3 * k)
 
 
-def test_people_without_ids_are_told_apart(place):
-    def poses(k, places):
-        listed = [{"position": {"x": x, "y": y}, "orientation": {"w": 1.0}} for x, y in places]
-        content = {"header": header(100 * 10**9 + k * 10**8, "map"), "poses": listed}
-        return serialize(POSES, content).hex()
-
-    both = [[(0.1 * k, 0.0), (4.0 - 0.1 * k, 1.0)][:: 1 - 2 * (k % 2)] for k in range(20)]
-    send = [(k / 10, 0, poses(k, places)) for k, places in enumerate(both)]
-    publish, record = [("/people", POSES, "bv")], [("/predictions", CLOUD, "rv")]
-    with place.node("-p", "use_map:=false", "-p", f"people_type:={POSES}"):
-        heard = place.exchange(publish, (0, poses(-400, [])), send, record, {"/predictions": 20})
-    tracks = Counter(
-        track for cloud in heard["/predictions"] for track in np.unique(rows_of(cloud)["track_id"])
-    )
-    assert tracks == {1: 20, 2: 20}
-
-
 def test_a_manager_starts_the_node(place):
     """In whatever order it asks; the node listens to agents of a simulator only when it is active."""
 
@@ -412,30 +389,25 @@ def test_a_manager_starts_the_node(place):
     asked = ["activate", "configure", "cleanup", "deactivate", "configure", "configure", "activate"]
     asked += ["cleanup", "activate", "deactivate", "activate"]
     possible = [False, True, True, False, True, False, True, False, False, True, True]
-    manager, out, said = place.peer(transitions=asked, node="/pedpred")
-    with place.node(*arguments) as told:
-        assert manager.wait(2 * LIMIT_S) == 0, said.read_text()
+    manager, out, peer_log = place.peer(transitions=asked, node="/pedpred")
+    with place.node(*arguments) as log:
+        assert manager.wait(2 * LIMIT_S) == 0, peer_log.read_text()
         assert out.read_text().splitlines() == [f"{a} {b}" for a, b in zip(asked, possible, strict=True)]
         publish, record = [("/people", AGENTS, "rv")], [("/predictions", CLOUD, "rv")]
-        heard = place.exchange(publish, (0, agents()), walk, record, {"/predictions": 5})
-    assert all(set(rows_of(cloud)["track_id"]) == {5} for cloud in heard["/predictions"])
-    assert "forecasting people of /people" in told.read_text()
+        received = place.exchange(publish, (0, agents()), walk, record, {"/predictions": 5})
+    assert all(set(rows_of(cloud)["track_id"]) == {5} for cloud in received["/predictions"])
+    assert "forecasting people of /people" in log.read_text()
 
 
-def test_what_colcon_installs_starts_the_node_with_its_parameters(place):
+def test_what_colcon_installs_starts_the_node(place):
     """The index of packages finds it; parameters of its file that another argument does not change count."""
     source, installed = place.folder / "src/pedpred_ros", place.folder / "install/pedpred_ros"
     shutil.copytree(ROOT / "ros/pedpred_ros", source)
-    command = [PYTHON.parent / "colcon", "build", "--packages-select", "pedpred_ros"]
-    done = subprocess.run(
-        command, cwd=place.folder, capture_output=True, text=True, timeout=LIMIT_S, check=False
-    )
+    done = place.run([PYTHON.parent / "colcon", "build", "--packages-select", "pedpred_ros"])
     assert done.returncode == 0, done.stdout + done.stderr
     script = "from ament_index_python.packages import get_package_share_directory as found; "
     command = [PYTHON, "-c", script + "print(found('pedpred_ros'))"]
-    environment = place.environment | {"AMENT_PREFIX_PATH": str(installed)}
-    found = subprocess.run(command, capture_output=True, text=True, env=environment, check=True).stdout
-    share = Path(found.strip())
+    share = Path(place.run(command, AMENT_PREFIX_PATH=str(installed)).stdout.strip())
     assert share == installed / "share/pedpred_ros"
     there = {str(path.relative_to(share)) for path in share.rglob("*.*")}
     assert {"launch/pedpred.launch.py", "rviz/pedpred.rviz", "config/nav2_people_layer.yaml"} <= there
@@ -451,57 +423,35 @@ def test_what_colcon_installs_starts_the_node_with_its_parameters(place):
     walk = [(k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(5)]
     with place.node(*arguments, command=command, ready="map of "):
         until = {"/predictions": 5, "/predicted_occupancy/horizon": 1}
-        heard = place.exchange(publish, (0, people(60.0)), walk, record, until)
-    side_m = heard["/predicted_occupancy/horizon"][-1].info.resolution
+        received = place.exchange(publish, (0, people(60.0)), walk, record, until)
+    side_m = received["/predicted_occupancy/horizon"][-1].info.resolution
     assert side_m == pytest.approx(0.1)  # the parameter of the file: otherwise there is no grid
 
 
-def test_a_node_that_still_compiles_ends_when_it_is_told_to(place):
-    place.environment["NUMBA_CACHE_DIR"] = str(place.folder)
-    with place.node(ready="compiling what is not compiled yet"):
-        pass
-
-
 @pytest.mark.parametrize(
-    ("arguments", "problem"),
+    ("arguments", "named"),
     [
-        (("-r", "map:=/local_costmap/costmap"), "costs are not a map"),
-        (
-            ("-p", "people_type:=spencer_tracking_msgs/msg/TrackedPersons"),
-            "spencer_tracking_msgs is not installed",
-        ),
-        (("-p", "identities:=guessed"), "identities = 'guessed', but it must be one of"),
-        (("-p", "use_map:=maybe"), "use_map = 'maybe', but it must be true or false"),
-        (
-            ("--params-file", "missing.yaml"),
-            "pedpred-ros2: failed to initialize rcl: Couldn't parse params file",
-        ),
-        (("-p", "occupancy_cell:=0.1", "-p", "use_map:=1"), "there is no parameter occupancy_cell: "),
-        (("-r", "people:=/predictions/people"), "'people' = '/predictions/people': this node uses it for"),
-        (("-r", "people:=/map"), "'people' = '/map': this node uses it for something else"),
-        (("-r", "people:=/parameter_events"), "not activated: Failed to create subscription"),
+        (("-r", "map:=/local_costmap/costmap"), "use_map"),
+        (("-p", "people_type:=spencer_tracking_msgs/msg/TrackedPersons"), "apt install"),
+        (("-p", "identities:=guessed"), "identities"),
+        (("-p", "use_map:=maybe"), "use_map"),
+        (("--params-file", "missing.yaml"), "missing.yaml"),
+        (("-p", "occupancy_cell:=0.1", "-p", "use_map:=1"), "occupancy_cell"),
+        (("-r", "people:=/predictions/people"), "'people'"),
     ],
 )
-def test_a_start_that_cannot_succeed_says_why(place, arguments, problem):
+def test_a_start_that_cannot_succeed_names_the_argument(place, arguments, named):
     command = [PYTHON, "-m", "pedpred.ros2", "--ros-args", *arguments]
-    done = subprocess.run(
-        command,
-        env=place.environment,
-        cwd=place.folder,
-        capture_output=True,
-        text=True,
-        timeout=LIMIT_S,
-        check=False,
-    )
+    done = place.run(command)
     assert done.returncode == 1
-    assert problem in done.stdout + done.stderr
+    assert named in done.stdout + done.stderr
 
 
-def test_what_was_learned_at_a_place_is_kept_for_the_next_start(place):
+def test_what_was_learned_is_kept_for_the_next_start(place):
     path = place.folder / "hall.json"
-    with place.node("-p", f"place_file:={path}") as told:
-        assert "going on" not in told.read_text()
+    with place.node("-p", f"place_file:={path}") as log:
+        assert str(path) not in log.read_text()
     written = path.read_bytes()
-    with place.node("-p", f"place_file:={path}", "-p", "transform_timeout_s:=1") as told:  # a whole number
-        assert "what was learned in" in told.read_text()
+    with place.node("-p", f"place_file:={path}", "-p", "transform_timeout_s:=1") as log:  # a whole number
+        assert str(path) in log.read_text()
     assert path.read_bytes() == written

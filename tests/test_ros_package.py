@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from pedpred.ros2.outputs import output_types
-from pedpred.ros2.settings import NodeSettings, fields_of
+from pedpred.ros2.settings import PARAMETERS, NodeSettings
 from tests.conftest import ROOT, with_ros
 
 PACKAGE = ROOT / "ros/pedpred_ros"
@@ -19,14 +19,14 @@ PACKAGE = ROOT / "ros/pedpred_ros"
 
 def test_the_file_of_parameters_has_the_nodes_names_and_kinds():
     given = yaml.safe_load((PACKAGE / "config/pedpred.yaml").read_text())["/**"]["ros__parameters"]
-    known = {name: default for name, default, _ in fields_of(NodeSettings)}
+    known = {name: default for name, (default, _) in PARAMETERS.items()}
     assert given.keys() <= known.keys()
     for name, value in given.items():
         assert type(tuple(value) if isinstance(value, list) else value) is type(known[name]), name
     NodeSettings(**{name: tuple(v) if isinstance(v, list) else v for name, v in given.items()})
 
 
-def test_rviz_and_the_costmap_layer_listen_to_what_the_node_publishes():
+def test_rviz_and_the_costmap_layer_subscribe_to_known_topics():
     published = {
         f"/{topic}": kind for topic, kind in output_types(NodeSettings(occupancy_cell_m=0.1), 10).items()
     }
@@ -40,8 +40,8 @@ def test_rviz_and_the_costmap_layer_listen_to_what_the_node_publishes():
     layer = layers["local_costmap"]["local_costmap"]["ros__parameters"]["people_layer"]
     assert published[layer["map_topic"]] == "nav_msgs/msg/OccupancyGrid"
     (page,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs/nav2.md").read_text(), re.DOTALL)
-    told = yaml.safe_load(page)["local_costmap"]["local_costmap"]["ros__parameters"]
-    assert told["people_layer"].items() <= layer.items()
+    shown = yaml.safe_load(page)["local_costmap"]["local_costmap"]["ros__parameters"]
+    assert shown["people_layer"].items() <= layer.items()
 
 
 _ON_A_ROBOT = """
@@ -61,13 +61,13 @@ warm_up()
 settings = NodeSettings(use_map=False, identities="assigned", occupancy_cell_m=0.5)
 follower = Follower(OnlinePredictor.load(), settings)
 ground = OccupancyMap(np.zeros((9, 9), bool), np.zeros(2), 0.5)
-follower.map_came(serialize("nav_msgs/msg/OccupancyGrid", map_message(ground, 0)))
+follower.take_map(serialize("nav_msgs/msg/OccupancyGrid", map_message(ground, 0)))
 turn = {"translation": {"x": 1.0}, "rotation": {"w": 1.0}}
 edges = [{"header": {"frame_id": "map"}, "child_frame_id": "robot", "transform": turn}]
-follower.transforms_came(serialize("tf2_msgs/msg/TFMessage", {"transforms": edges}), 0.0, fixed=True)
-people = [{"name": "7", "position": {"x": 1.0}}]
-follower.people_came(serialize(PEOPLE_TYPE, {"header": {"frame_id": "robot"}, "people": people}), 10**9, 0.0)
-topics = {answer.topic for answer in follower.answers(0.0)}
+follower.inbox.take_transforms(serialize("tf2_msgs/msg/TFMessage", {"transforms": edges}), 0.0, fixed=True)
+people = {"header": {"frame_id": "robot"}, "people": [{"name": "7", "position": {"x": 1.0}}]}
+follower.inbox.take_people(serialize(PEOPLE_TYPE, people), 10**9, 0.0)
+topics = {output.topic for output in follower.outputs(0.0)}
 assert topics >= {"predictions", "predictions/markers", "predicted_occupancy/horizon"}
 """
 
@@ -83,8 +83,8 @@ def test_a_robot_needs_no_libraries_that_read_files():
 @with_ros
 def test_colcon_can_read_the_package():
     """By catkin_pkg, which colcon asks: it checks the fields by REP 149, addresses and duplicates, too."""
-    script = "import sys; from catkin_pkg.package import parse_package; said = []; "
-    script += "parse_package(sys.argv[1], warnings=said); sys.exit('; '.join(said) or 0)"
+    script = "import sys; from catkin_pkg.package import parse_package; found = []; "
+    script += "parse_package(sys.argv[1], warnings=found); sys.exit('; '.join(found) or 0)"
     command = [ROOT / "build/ros/bin/python", "-c", script, PACKAGE]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -117,7 +117,7 @@ def test_node_and_rviz_take_the_same_transforms(launched):
         assert (remapped["/tf"], remapped["/tf_static"]) == ("<tf>", ["<tf>", "_static"])
 
 
-def test_rviz_shows_the_topics_of_the_namespace_and_the_map_that_the_node_uses(launched):
+def test_rviz_shows_the_topics_of_the_namespace(launched):
     _, asked = launched
     topics = re.findall(r"Value: (/\S+)", (PACKAGE / "rviz/pedpred.rviz").read_text())
     assert len(topics) == 4
@@ -128,9 +128,8 @@ def test_rviz_shows_the_topics_of_the_namespace_and_the_map_that_the_node_uses(l
 
 def test_help_lists_every_parameter_without_an_installed_ros():
     script = "import sys; sys.modules['rclpy'] = None; from pedpred.ros2.main import main; main()"
-    told = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", script, "--help"], cwd=ROOT, capture_output=True, text=True, check=False
     )
-    assert told.returncode == 0, told.stderr
-    told_of = {line.partition(" ")[0] for line in told.stdout.splitlines()}
-    assert {name for name, _, _ in fields_of(NodeSettings)} <= told_of
+    assert done.returncode == 0, done.stderr
+    assert PARAMETERS.keys() <= {line.partition(" ")[0] for line in done.stdout.splitlines()}

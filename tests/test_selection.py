@@ -3,16 +3,14 @@
 import dataclasses
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.errors import ShapeError, ValueRuleError
-from pedpred.forecasting import selection
 from pedpred.forecasting.selection import NEAR_M, REACH_M, ROUNDS, choose_modes
 from pedpred.geometry import rotate
 from pedpred.metrics.paths import too_close
 from pedpred.scenes import Predictions
+from tests.refused import refused
 
 STEPS, MODES, DT_S = 10, 4, 0.3
 SEEDS = st.integers(0, 2**32 - 1)
@@ -120,27 +118,6 @@ def test_rounding_of_paths_changes_nothing(seed):
     )
 
 
-@settings(max_examples=50, deadline=None)
-@given(seed=SEEDS)
-def test_a_chosen_mode_shares_the_weight_of_more_likely_ones(seed):
-    before, here = crowd(np.random.default_rng(seed))
-    after = choose_modes(before, here)
-    for own, new in zip(before.weight, after.weight, strict=True):
-        shared = int((new == new[0]).sum())
-        np.testing.assert_allclose(new[0], own[:shared].mean())
-        np.testing.assert_allclose(new[shared:], own[shared:])
-
-
-def test_who_stands_apart_or_has_one_mode_keeps_the_weights():
-    before, here = crowd(np.random.default_rng(1))
-    apart = dataclasses.replace(before, path=before.path + 50.0 * np.arange(12)[:, None, None, None])
-    np.testing.assert_array_equal(
-        choose_modes(apart, here + 50.0 * np.arange(12)[:, None]).weight, before.weight
-    )
-    single = Predictions.single(before.point, DT_S)
-    assert choose_modes(single, here) is single
-
-
 def test_equal_modes_stay_equally_likely():
     """Mirror images of a path, both as near to somebody who stands ahead."""
     ahead, side = np.arange(1, STEPS + 1)[:, None] * [0.4, 0.0], np.array([0.0, 0.1])
@@ -152,26 +129,10 @@ def test_equal_modes_stay_equally_likely():
     np.testing.assert_array_equal(after.path, predictions.path)
 
 
-@pytest.mark.parametrize(("side_m", "meet"), [(2.0, True), (1.5, True), (0.0, False)])
-def test_in_a_crowd_of_whatever_density_modes_have_a_bounded_number_of_conflicts(side_m, meet, monkeypatch):
-    """Everybody still regards those near by, unless all are at one place; the order plays no part."""
-    monkeypatch.setattr(selection, "_MOST", 20)
-    rng = np.random.default_rng(4)
-    before, here = crowd(rng, 150, side_m)
-    first, second, closeness = selection._conflicts(before.path, here)
-    assert len(first) == len(second) == len(closeness) <= 20 * 150 * MODES
-    assert (len(first) > 0) == meet
-    away_m = np.linalg.norm(here[first // MODES] - here[second // MODES], axis=-1)
-    assert away_m.max(initial=0.0) < REACH_M / 4
-    order = rng.permutation(150)
-    one, other = choose_modes(before, here), choose_modes(before.select(order), here[order])
-    np.testing.assert_allclose(other.weight, one.weight[order], atol=1e-9)
-
-
 def test_what_does_not_belong_together_is_refused():
     before, here = crowd(np.random.default_rng(3))
-    with pytest.raises(ShapeError, match="position"):
+    with refused("position"):
         choose_modes(before, here[:5])
-    with pytest.raises(ValueRuleError, match="frame"):
+    with refused("frame"):
         choose_modes(dataclasses.replace(before, frame="agent"), here)
     assert NEAR_M < REACH_M

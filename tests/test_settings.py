@@ -23,7 +23,8 @@ from pedpred.settings import load, load_together
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
 from pedpred.sources.mirrors import Mirrors
 from stages import eth_ucy_train, evaluate, pretrain_autoencoder, rows, train
-from stages.config import PARTS, STAMP, check_layouts, check_parts, layout_names, main
+from stages.config import PARTS, STAMP, check_layouts, check_parts, main
+from stages.references import layout_names
 from stages.row_types import PageRows
 from stages.simulate import read_layouts
 from tests.configuration import read
@@ -55,6 +56,8 @@ ROWS = ("trackers", "sensors", "social_forces", "simulations", "places", "folds"
 BASES = {base for name in ROWS for row in PARAMS[name].values() if (base := row.get("base"))}
 FREE = (  # names that are chosen freely, or that other parts of the configuration choose
     "mirrors",
+    *(f"training.{phase}.shares" for phase in ("situations", "adaptation")),
+    *(f"literature.networks.mixture.{phase}.shares" for phase in ("worlds", "recorded")),
     *(name for name in ROWS if name != "folds"),
     *(f"folds.{study}" for study in PARAMS["folds"]),
     *(f"methods.{group}" for group in PARAMS["methods"]),
@@ -301,6 +304,17 @@ def test_an_edit_under_conf_without_make_params_ends_the_stage(tmp_path, monkeyp
     with pytest.raises(SystemExit, match=r"-    pedestrians: 10\n\+    pedestrians: 11(.|\n)*make params"):
         main([])
     assert not Path(STAMP).exists()
+
+
+def test_a_wrong_value_of_an_experiment_does_not_stay_in_params_yaml(tmp_path, monkeypatch):
+    shutil.copytree(ROOT / "conf", tmp_path / "conf")
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "params.yaml").read_text()
+    Path("params.yaml").write_text(wrong := text.replace("lr: 0.003", "lr: -1.0"))
+    monkeypatch.setenv("DVC_EXP_NAME", "wrong")
+    with pytest.raises(SystemExit, match=r"training\.\w+\.lr"):
+        main([])
+    assert Path("params.yaml").read_text() == text != wrong
 
 
 def test_a_study_may_be_left_out():

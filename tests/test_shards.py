@@ -1,6 +1,5 @@
 """Feature shards: a disk round trip changes nothing; damage is named."""
 
-import dataclasses
 import json
 import re
 import weakref
@@ -16,7 +15,7 @@ from PIL import Image
 
 from pedpred.datasets.rows import load_rows
 from pedpred.errors import InputError
-from pedpred.features import ForecastProtocol, extract, extract_blocks
+from pedpred.features import ForecastProtocol, extract_blocks
 from pedpred.models.features import RowFormat
 from pedpred.models.lstm.features.grids import unpack_crops
 from pedpred.models.mixture.features import MixtureFeatures
@@ -37,7 +36,7 @@ from pedpred.storage.columns import read_columns, write_blocks
 from pedpred.storage.scenes import write_scene
 from tests.conftest import ROOT
 from tests.exported import LSTM_ROWS
-from tests.worlds import tracked, walled_scene
+from tests.worlds import extract, tracked, walled_scene
 
 SIZES = LSTM_ROWS.protocol, LSTM_ROWS.features
 
@@ -100,15 +99,6 @@ def test_a_row_group_holds_whole_tracks(folder, table):
     assert sum(map(len, owners)) == len(np.unique(table.track_id))
     crops = np.concatenate(list(read_crops(folder, "walled", LSTM_ROWS)))
     np.testing.assert_array_equal(crops, table.inputs["occupancy"])
-
-
-def test_a_scene_without_people_survives_the_disk(tmp_path):
-    scene, _ = walled()
-    empty = dataclasses.replace(scene, trajectories=scene.trajectories.select(np.arange(0)))
-    write_steps([extract(empty, tracked(empty), *SIZES)], tmp_path, "empty")
-    assert len(read_whole(tmp_path, "empty")["future"]) == 0
-    write_manifest(tmp_path, LSTM_ROWS, {"empty": "a scene"})
-    assert count_rows_of(tmp_path) == 0
 
 
 def test_at_most_two_blocks_are_in_memory(table, tmp_path):

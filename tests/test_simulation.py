@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pedpred.errors import ValueRuleError
 from pedpred.report.simulation_page import walking_findings
 from pedpred.simulation.crowd import Clock, crowd_of
 from pedpred.simulation.ground import ground_of
@@ -13,13 +12,13 @@ from pedpred.simulation.kernel import advance
 from pedpred.simulation.layouts import draw_targets
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import social_force_settings
-from pedpred.simulation.simulator import draw_desired_speeds, draw_visiting_plans, rollout, simulate
-from pedpred.simulation.walking import count_walking
+from pedpred.simulation.simulator import draw_desired_speeds, draw_visiting_plans, rollout
+from pedpred.simulation.validation import count_walking
 from pedpred.storage.tracks import tracks_table
+from tests.refused import refused
 from tests.simulated import (
     DRAWN,
     EMPTY_ROOM,
-    QUIET,
     SETTINGS,
     SOCIAL_FORCE,
     drawn,
@@ -60,16 +59,7 @@ def test_people_in_random_rooms_walk_as_people_do():
     assert [finding for finding in walking_findings(found.shares()) if finding.verdict != "met"] == []
 
 
-def test_records_have_the_stated_clock_and_goals_of_the_pool():
-    scene = scene_of(short(9.0)[0])
-    times = np.unique(scene.trajectories.time_s)
-    np.testing.assert_allclose(times, 0.3 * np.arange(30))
-    assert scene.detection_dt_s == 0.3
-    assert len(scene.trajectories) == 30 * 20
-    assert len(np.unique(scene.trajectories.goal, axis=0)) <= SETTINGS.crowd.targets
-
-
-def test_the_same_seed_gives_the_same_walk_and_another_seed_another():
+def test_the_same_seed_gives_the_same_walk():
     first, again, other = (scene_of(short(6.0, seed=seed)[0]) for seed in (7, 7, 8))
     assert tables_equal(first, again)
     assert not tables_equal(first, other)
@@ -100,7 +90,7 @@ def test_the_spread_of_a_path_does_not_depend_on_the_step(step_s):
     assert np.std(ends, axis=0)[1] == pytest.approx(0.0453, rel=0.1)
 
 
-def test_a_target_in_an_enclosed_corner_is_moved_to_where_people_can_walk():
+def test_a_target_in_an_enclosed_corner_is_moved():
     occupancy = EMPTY_ROOM.occupancy()
     occupied = occupancy.occupied.copy()
     occupied[30:38, 30:38] = True
@@ -110,14 +100,6 @@ def test_a_target_in_an_enclosed_corner_is_moved_to_where_people_can_walk():
     routes = routes_to(inside[None], ground, replace(SETTINGS.routing, narrow_m=0.05))
     assert not occupied[tuple(((routes.target[0] - occupancy.origin) / 0.1).astype(int))]
     assert 0.3 < np.linalg.norm(routes.target[0] - inside) < 1.0
-
-
-def test_people_stay_around_the_last_target_of_their_plan():
-    ground = ground_of(EMPTY_ROOM.occupancy())
-    routes = routes_to(np.array([[6.0, 4.0], [8.0, 4.0]]), ground, QUIET.routing)
-    crowd = crowd_of([[5.0, 4.0]], [[1.3, 0.0]], [1.3], [[0, 1, -1]])
-    path = rollout(crowd, ground, routes, QUIET, 30, 0.3)[0]
-    assert np.linalg.norm(path[10:] - [8.0, 4.0], axis=-1).max() < 0.7
 
 
 def test_desired_speeds_are_truncated():
@@ -134,50 +116,28 @@ def test_plans_go_to_another_region_far_enough():
     assert legs.min() > 10.0
 
 
-def test_too_many_people_are_refused_with_the_numbers():
-    with pytest.raises(ValueRuleError, match=r"pedestrians = 900, but only \d+ fit on this map"):
-        simulate(
-            "room",
-            EMPTY_ROOM.occupancy(),
-            pool([1.0, 4.0], [11.0, 4.0]),
-            SETTINGS,
-            900,
-            3.0,
-            np.random.default_rng(0),
-        )
-
-
 @pytest.mark.parametrize(
-    ("path", "value", "rule"),
+    ("path", "value"),
     [
-        ("clock.record_s", 0.32, "a multiple of step_s = 0.05"),
-        ("clock.noise_hold_s", 0.01, "a multiple of step_s"),
-        ("clock.step_s", 0.15, r"in \[0.001, 0.1\]"),
-        ("clock.step_s", 1e-9, r"in \[0.001, 0.1\]"),
-        ("forces.relaxation_time_s", 0.04, "at least clock.step_s = 0.05"),
-        ("crowd.speed_range_mps", [1.34, 1.34], "at least 0.1 speed_deviation_mps wide"),
-        ("crowd.speed_range_mps", [2.0, 0.8], "two rising numbers"),
-        ("crowd.speed_range_mps", [2.0, 3.0], "contain mean_speed_mps"),
-        ("crowd.speed_range_mps", 1.3, "two rising numbers"),
-        ("crowd.mean_speed_mps", -1.0, r"a number in \(0, 10\]"),
-        ("crowd.targets", 2.5, "a whole number"),
-        ("forces.sight_half_angle_deg", 200.0, r"\[0, 180\]"),
-        ("forces.unseen_weight", 1.5, r"\[0, 1\]"),
-        ("routing.narrow_m", 0.9, "less than comfortable_m"),
-        ("routing.slowest", 0.0, r"in \(0, 1\]"),
+        ("clock.record_s", 0.32), ("clock.noise_hold_s", 0.01), ("clock.step_s", 0.15),
+        ("forces.relaxation_time_s", 0.04), ("crowd.speed_range_mps", [1.34, 1.34]),
+        ("crowd.speed_range_mps", [2.0, 3.0]), ("crowd.mean_speed_mps", -1.0), ("crowd.targets", 2.5),
+        ("forces.sight_half_angle_deg", 200.0), ("forces.unseen_weight", 1.5), ("routing.narrow_m", 0.9),
+        ("routing.slowest", 0.0), ("clock.magic", 1.0),
     ],
-)
-def test_settings_out_of_range_are_named_with_their_rule(path, value, rule):
-    with pytest.raises(ValueRuleError, match=rf"^{path} = .*{rule}"):
+)  # fmt: skip
+def test_settings_out_of_range_are_named(path, value):
+    with refused(path):
         social_force_settings(with_field(path, value))
 
 
 @pytest.mark.parametrize("group", SOCIAL_FORCE)
-def test_unknown_and_missing_settings_are_named(group):
-    with pytest.raises(ValueRuleError, match=f"^{group}.*magic"):
-        social_force_settings(with_field(f"{group}.magic", 1.0))
-    less = dict(list(SOCIAL_FORCE[group].items())[1:])
-    with pytest.raises(ValueRuleError, match=f"^{group}.*{next(iter(SOCIAL_FORCE[group]))}"):
-        social_force_settings({**SOCIAL_FORCE, group: less})
-    with pytest.raises(ValueRuleError, match=f"^{group} = None"):
-        social_force_settings({name: values for name, values in SOCIAL_FORCE.items() if name != group})
+def test_missing_settings_are_named(group):
+    first, *_ = SOCIAL_FORCE[group]
+    less = {name: value for name, value in SOCIAL_FORCE[group].items() if name != first}
+    for settings in (
+        {**SOCIAL_FORCE, group: less},
+        {name: values for name, values in SOCIAL_FORCE.items() if name != group},
+    ):
+        with refused(group):
+            social_force_settings(settings)

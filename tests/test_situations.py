@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pedpred.errors import ValueRuleError
 from pedpred.geometry import rotate
 from pedpred.rows.recorded import ViewingSettings, rows_of_viewing
-from pedpred.rows.sampling import RowSampling, RowSettings, draw_tracker, sample_rows
+from pedpred.rows.sampling import RowSampling, RowSettings, sample_rows
 from pedpred.rows.simulated import (
     SimulatedSet,
-    resample_hermite,
     rows_of_scene,
     rows_of_world,
     select_true_states,
@@ -70,25 +68,6 @@ def test_straight_walkers_have_straight_targets(kalman):
     np.testing.assert_allclose(rows["state"][settled], [[1.3, 0.0]] * settled.sum(), atol=0.02)
 
 
-def test_only_detections_whose_whole_future_is_known_are_taken_also_newborn_ones():
-    scene = straight(seconds=5.0)
-    rows = sample_rows(scene, scene.trajectories, KALMAN, 1000, SAMPLING, np.random.default_rng(0))
-    assert len(rows["future"]) == 3 * 20  # at 0, 0.1, ..., 1.9 s; the last detection is at 4.9 s
-    assert (rows["track"][:, 5] == 0).sum() == 3
-
-
-def test_newborn_tracks_have_their_share_of_the_rows():
-    scene = straight(people=60, seconds=12.0)
-    usual = replace(SAMPLING, rows=replace(ROWS, newborn_share=0.0))
-    shares = []
-    for sampling in (usual, SAMPLING):
-        rows = sample_rows(scene, scene.trajectories, KALMAN, 1000, sampling, np.random.default_rng(0))
-        assert len(rows["future"]) == 1000
-        shares.append(np.mean(rows["track"][:, 5] < 0.25))  # age / 10
-    assert shares[0] < 0.05
-    assert shares[1] == pytest.approx(0.09, abs=0.02)
-
-
 def test_the_future_is_known_outside_of_the_view():
     scene = straight()
     seen = select_true_states(scene, Area(np.full(2, -1.0), np.full(2, 5.0)), 0.1)
@@ -124,23 +103,8 @@ def test_rows_do_not_depend_on_how_the_world_is_turned():
         np.testing.assert_allclose(values[~newborn], there[name][~newborn], atol=0.02)
 
 
-def test_a_shifted_map_moves_the_beams_alone():
-    scene = straight()
-    here, shifted = (
-        sample_rows(scene, scene.trajectories, KALMAN, 200, sampling, np.random.default_rng(1))
-        for sampling in (UNMOVED, replace(SAMPLING, rows=replace(ROWS, shifted_share=0.5, shift_m=0.06)))
-    )
-    for name in set(here) - {"beams"}:
-        np.testing.assert_array_equal(here[name], shifted[name])
-    moved = (here["beams"] != shifted["beams"]).any(axis=1)
-    near = (here["beams"] < 10).any(axis=1)
-    assert 0.3 < moved[near].mean() < 0.6
-    apart = np.abs(here["beams"] - shifted["beams"])[moved][here["beams"][moved] < 3]
-    assert 0.01 < np.median(apart) < 0.15
-
-
 @pytest.mark.parametrize("kind", ["corridor", "bottleneck", "room", "square", "lone"])
-def test_a_world_gives_the_rows_that_are_asked_for_and_the_same_ones_again(kind):
+def test_a_world_gives_the_rows_that_are_asked_for(kind):
     chosen = replace(CORRIDOR, kind=kind)
     rows = rows_of_world(1, chosen, WORLDS, SENSING, SAMPLING)
     widths = {name: values.shape[1] for name, values in rows.items() if name != "future"}
@@ -160,25 +124,6 @@ def test_a_set_may_have_true_states_only():
     assert neither["future"].shape == (0, PROTOCOL.horizon_steps, 2)
 
 
-def test_refining_keeps_the_recorded_states_and_walks_between_them():
-    fine = simulate_world("room", 0, WORLDS)
-    coarse = select_true_states(fine, Area(np.full(2, -1e6), np.full(2, 1e6)), 0.3)
-    again = resample_hermite(coarse, 0.1)
-    assert again.detection_dt_s == 0.1
-    people = {
-        int(p): fine.trajectories.select(fine.trajectories.track_id == p)
-        for p in np.unique(fine.trajectories.track_id)
-    }
-    for person, true in people.items():
-        mine = again.trajectories.select(again.trajectories.track_id == person)
-        _, a, b = np.intersect1d(np.round(mine.time_s, 3), np.round(true.time_s, 3), return_indices=True)
-        assert len(a) == len(mine)
-        apart = np.linalg.norm(mine.position[a] - true.position[b], axis=1)
-        assert apart[::3].max() < 1e-9
-        assert apart.max() < 0.05
-    assert resample_hermite(fine, 0.1) is fine
-
-
 def test_scenes_on_disk_give_rows_as_worlds_do():
     coarse = select_true_states(
         simulate_world("room", 1, WORLDS), Area(np.full(2, -1e6), np.full(2, 1e6)), 0.3
@@ -194,22 +139,3 @@ def test_viewings_differ_and_repeat(rate_hz):
     assert all(0 < len(rows["future"]) <= 50 for rows in views)
     assert not np.array_equal(views[0]["history"], views[1]["history"])
     assert_equal(views[2], rows_of_viewing(2, scene, rate_hz, VIEWINGS, SAMPLING))
-
-
-def test_trackers_are_drawn_from_what_is_set():
-    rng, settings = np.random.default_rng(0), ROWS
-    drawn = [draw_tracker(settings, rng).filters for _ in range(500)]
-    assert np.mean([own[0] in settings.trackers for own in drawn]) == pytest.approx(0.4, abs=0.07)
-    assert all(0.012 <= own[0].acceleration_noise <= 0.4 for own in drawn)
-    assert np.mean([len(own) > 1 for own in drawn]) == pytest.approx(settings.learning_share, abs=0.07)
-    assert draw_tracker(replace(ROWS, trackers=()), rng).filters[0] not in settings.trackers
-
-
-def test_errors_name_the_field():
-    with pytest.raises(ValueRuleError, match="kind"):
-        replace(CORRIDOR, kind="tunnel")
-    with pytest.raises(ValueRuleError, match="thinnings"):
-        replace(VIEWINGS, thinnings=())
-    wrong = {"trackers": [{"acceleration_noise": 0.0, "position_noise_m": 0.1}]}
-    with pytest.raises(ValueRuleError, match=r"rows\.trackers\[0\]"):
-        load(RowSettings, CONF["rows"] | wrong, "rows")

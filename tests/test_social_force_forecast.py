@@ -1,11 +1,10 @@
 """The social-force forecaster knows the goals: only the noise is left to be wrong about."""
 
 import numpy as np
-import pytest
 
-from pedpred.baselines.social_force import initial_state, intentions
-from pedpred.errors import ValueRuleError
+from pedpred.baselines.social_force import initial_state
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from tests.refused import refused
 from tests.simulated import QUIET, SETTINGS, scene_of, short
 
 HORIZON = 10
@@ -66,25 +65,6 @@ def pavement(velocity):
     return Scene("pavement", trajectories, OccupancyMap(occupied, np.zeros(2), 0.1), 0.4)
 
 
-def test_without_known_goals_the_end_of_the_track_is_the_goal():
-    velocity = np.array([[1.0, 0.0], [1.1, 0.9]])
-    scene = pavement(velocity)
-    r = scene.trajectories
-    tracked = np.tile(velocity, (10, 1))
-    paths = paths_of(scene, r.track_id, r.time_s, r.position, tracked)
-    assert np.isfinite(paths).all()
-    ahead = r.position[:2, None] + velocity[:, None] * (0.3 * np.arange(1, 6))[:, None]
-    np.testing.assert_allclose(paths[:2], ahead, atol=0.2)
-
-
-def test_the_last_row_of_a_track_still_gets_a_path():
-    velocity = np.array([[1.0, 0.0], [0.0, 0.0]])
-    scene = pavement(velocity)
-    here = scene.trajectories.position[-2:]
-    paths = paths_of(scene, [4, 9], [3.6, 3.6], here, velocity)
-    assert np.linalg.norm(paths - here[:, None], axis=-1).max() < 1.0
-
-
 def test_a_goal_inside_an_obstacle_is_approached():
     scene = pavement(np.array([[0.0, -0.5], [1.0, 0.0]]))  # ends at y = 0.2 m, inside the wall
     assert scene.occupancy.is_occupied(scene.trajectories.position[-2])
@@ -94,27 +74,9 @@ def test_a_goal_inside_an_obstacle_is_approached():
     assert 0.3 < paths[0, :, 1].min() < 1.5
 
 
-def test_the_plan_is_the_recorded_sequence_of_goals():
-    goal = np.array([[1.0, 0.0], [1.0, 0.0], [2.0, 0.0], [1.0, 0.0]])
-    known = {"goal": goal, "desired_speed_mps": np.full(4, 1.2)}
-    trajectories = Trajectories(0.3 * np.arange(4), np.zeros(4, dtype=int), np.zeros((4, 2)), **known)
-    wanted = intentions(trajectories, np.array([0, 0]), np.array([0.3, 0.9]), np.zeros((2, 2)))
-    assert wanted.goals[wanted.plan[0, :3]].tolist() == [[1.0, 0.0], [2.0, 0.0], [1.0, 0.0]]
-    assert wanted.plan[:, -1].tolist() == [-1, -1]
-    assert (wanted.plan[1, 1:] == -1).all()
-
-
-def test_the_largest_id_has_its_intentions():
-    largest = 2**63 - 1
-    known = {"goal": np.array([[1.0, 0.0], [1.0, 0.0]]), "desired_speed_mps": np.full(2, 1.2)}
-    trajectories = Trajectories(0.3 * np.arange(2), np.full(2, largest), np.zeros((2, 2)), **known)
-    wanted = intentions(trajectories, np.array([largest]), np.array([0.3]), np.zeros((1, 2)))
-    assert wanted.desired_speed.tolist() == [1.2]
-
-
 def test_no_rows_give_no_paths_and_an_unknown_track_is_named():
     scene = pavement(np.ones((2, 2)))
     none = np.empty((0, 2))
     assert paths_of(scene, [], [], none, none).shape == (0, 5, 2)
-    with pytest.raises(ValueRuleError, match="track_id = 77"):
+    with refused("track_id"):
         paths_of(scene, [77], [0.0], [[1.0, 1.0]], [[0.0, 0.0]])

@@ -51,12 +51,6 @@ def test_a_history_interpolates_between_the_kept_detections(seed, interval_s, co
         np.testing.assert_allclose(past[k], [*expected, 1.0], atol=1e-4)
 
 
-def test_somebody_who_is_not_detected_now_goes_on_as_tracked():
-    past = past_of([NOW - 1.0, NOW - 0.6], [[0, 0], [0, 0]], velocity=(1.0, 0.0))
-    np.testing.assert_allclose(past[:4, 0], [0.0, -0.3, -0.6, -0.6], atol=1e-6)
-    assert past[:, 2].tolist() == [1, 1, 1, 1, 0, 0, 0, 0, 0]
-
-
 @given(st.integers(0, 10_000), st.integers(1, 12), st.floats(0.5, 10.0))
 def test_the_nearest_are_found_in_the_order_of_their_distance(seed, count, range_m):
     rng = np.random.default_rng(seed)
@@ -81,7 +75,7 @@ def test_the_nearest_are_found_in_the_order_of_their_distance(seed, count, range
 @given(
     st.integers(0, 10_000), st.sampled_from([0.05, 0.1, 0.25]), st.booleans(), st.sampled_from([0.06, 0.5])
 )
-def test_beams_end_where_small_steps_meet_an_obstacle_after_free_ground(seed, resolution_m, outside, share):
+def test_beams_end_where_small_steps_meet_an_obstacle(seed, resolution_m, outside, share):
     rng = np.random.default_rng(seed)
     ground = OccupancyMap(rng.random((24, 31)) < share, rng.normal(size=2), resolution_m)
     position = (

@@ -1,7 +1,6 @@
 """Tables of tracks: every way to say what a table holds gives the same people; others are refused by line."""
 
 import gzip
-import re
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ from pedpred.reading.options import UNITS, ReadOptions
 from pedpred.reading.table import TITLES
 from pedpred.scenes import Trajectories
 from pedpred.sources.scene_folder import read_folder
-from pedpred.storage.scenes import read_scene
 from pedpred.storage.tracks import read_parquet_tracks, tracks_table, write_parquet_tracks
 from tests.scenes import assert_same, scenes
 
@@ -43,6 +41,14 @@ def write(tmp_path):
 
 def people_in(path, **options):
     return read_recording(path, ReadOptions(**options)).scene.trajectories
+
+
+def refused(path, **options):
+    """The error for a file that is not read; it names the file."""
+    with pytest.raises(InputError) as error:
+        people_in(path, **options)
+    assert error.value.path == path
+    return error.value
 
 
 EACH = settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -82,16 +88,7 @@ def test_columns_may_be_named_by_title_or_by_position(write):
     for header in (None, ("a", "b", "c", "d", "e")):
         path = write(["# measured", *lines(" ", header, rows)])
         assert_same(people_in(path, columns=("id", "_", "y", "x", "time")), TRACKS)
-    with pytest.raises(InputError, match=r"no column for x, y; there are agent, id, py, px.*--columns x="):
-        people_in(write(lines(",", ("agent", "id", "py", "px", "t_ros"), rows)), columns={"time": "t_ros"})
-
-
-def test_the_command_takes_what_a_table_does_not_say(write, tmp_path):
-    rows = [(*(f"{100 * v:.1f}".replace(".", ",") for v in (x, y)), who, k) for k, who, x, y in FRAMES]
-    path = write(lines("~", ("px", "py", "agent", "n"), rows))
-    given = ["--columns", "frame=n,id=agent,x=px,y=py", "--rate", "2", "--unit", "cm", "--decimal", ","]
-    main(["convert", str(path), "-o", str(tmp_path / "walk"), "--delimiter", "~", *given])
-    assert_same(read_scene(tmp_path / "walk").trajectories, TRACKS)
+    assert "x=TITLE,y=TITLE" in str(refused(path, columns={"time": "a", "id": "b"}))
 
 
 @pytest.mark.parametrize(
@@ -119,8 +116,7 @@ def test_dates_of_iso_8601_are_seconds(write):
     ):
         found = people_in(write(lines(rows=[(d, *row[1:]) for d, row in zip(text, ROWS, strict=True)])))
         np.testing.assert_allclose(found.time_s - 1_709_683_190, TRACKS.time_s, atol=1e-6)
-    with pytest.raises(InputError, match=r"line 2: time = '5\.3\.2024' is not a number.*ISO 8601"):
-        people_in(write(lines(rows=[("5.3.2024", *row[1:]) for row in ROWS])))
+    assert "ISO 8601" in str(refused(write(lines(rows=[("5.3.2024", *row[1:]) for row in ROWS]))))
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".feather"])
@@ -138,22 +134,20 @@ def test_a_table_may_be_compressed_with_gzip_within_a_bound(write, monkeypatch):
     packed.write_bytes(gzip.compress(path.read_bytes()))
     assert_same(people_in(packed), TRACKS)
     monkeypatch.setattr("pedpred.reading._LARGEST_BYTES", 100)
-    with pytest.raises(InputError, match=r"walk\.csv\.gz: it unpacks to more than 100 bytes"):
-        people_in(packed)
+    refused(packed)
 
 
-def test_a_folder_may_hold_one_person_per_file(tmp_path, capsys):
+def test_a_folder_may_hold_one_person_per_file(tmp_path):
     for who in (3, 7):
         rows = [(t, x, y) for t, one, x, y in ROWS if one == who]
         (tmp_path / f"walker_{who}.csv").write_text("\n".join(lines(",", ("timestamp", "x", "y"), rows)))
     recording = read_recording(tmp_path, ReadOptions(one_person_per_file=True))
     assert recording.names.of_number == {0: "walker_3", 1: "walker_7"}
     np.testing.assert_array_equal(recording.scene.trajectories.time_s, TRACKS.time_s)
-    main(["info", str(tmp_path), "--one-person-per-file"])
-    assert "24 of 2 tracks" in capsys.readouterr().out
     (tmp_path / "walker_8.csv").write_text("timestamp,x,y\n0,1,left\n")
-    with pytest.raises(InputError, match=r"walker_8\.csv, line 2: y = 'left' is not a number"):
+    with pytest.raises(InputError) as error:
         read_recording(tmp_path, ReadOptions(one_person_per_file=True))
+    assert (error.value.path, error.value.where) == (tmp_path / "walker_8.csv", 2)
 
 
 # Rows: ids, classes, copies, missing ones
@@ -178,15 +172,9 @@ def test_ids_of_64_bits_are_exact_in_text_and_parquet(write, tmp_path, ids):
 
 
 def test_rows_that_are_no_detections_are_dropped_with_a_warning(write, caplog):
-    more = ["9,3,,", "9,,1,1", "9,-1,1,1", lines()[1], ",,,"]
-    assert_same(people_in(write([*lines(), *more])), TRACKS)
-    for said in (
-        "1 rows without a position",
-        "1 rows with a position and no id",
-        "with id -1",
-        "that repeat",
-    ):
-        assert f"dropped {said}" in caplog.text or said in caplog.text
+    assert_same(people_in(write([*lines(), "9,3,,", "9,,1,1", "9,-1,1,1", lines()[1], ",,,"])), TRACKS)
+    assert len(caplog.records) == 4
+    assert all(f"line {line}" in caplog.text for line in range(26, 30))
 
 
 LABELS = ["pedestrian", "Child", "human.pedestrian.adult", "person_using_crutches", "wheelchair", "stroller"]
@@ -197,7 +185,7 @@ LABELS = ["pedestrian", "Child", "human.pedestrian.adult", "person_using_crutche
     st.sampled_from(["bicycle", "e-scooter", "Car"]),
 )
 @EACH
-def test_whom_a_robot_may_hit_is_a_person_and_other_road_users_are_not(write, labels, other):
+def test_other_road_users_than_people_are_left_out(write, labels, other):
     rows = [(*row, labels[k % len(labels)]) for k, row in enumerate(ROWS)]
     rows += [(0.5 * k, 9, 5.0 * k, 0.0, other) for k in range(12)]
     path = write(lines(",", (*HEADER, "class"), rows))
@@ -206,16 +194,14 @@ def test_whom_a_robot_may_hit_is_a_person_and_other_road_users_are_not(write, la
     assert len(people_in(path, classes=("",), any_speed=True)) == len(rows)
 
 
-def test_classes_that_are_no_words_for_people_are_asked_for(write):
+def test_classes_that_are_no_words_for_people_are_named(write):
     path = write(lines(",", (*HEADER, "type"), [(*row, row[1]) for row in ROWS]))
-    with pytest.raises(InputError, match=r"12 of '[37]'.*--class"):
-        people_in(path)
+    assert "--class" in str(refused(path))
     assert set(people_in(path, classes=("7",)).track_id) == {7}
-    with pytest.raises(InputError, match="no column holds classes"):
-        people_in(write(lines()), classes=("7",))
+    assert "--columns class=TITLE" in str(refused(write(lines()), classes=("7",)))
 
 
-# What is wrong is said
+# Errors name file, line and remedy
 
 
 @given(row=st.integers(1, len(ROWS)), many=st.booleans(), separator=st.sampled_from(",;\t "))
@@ -223,40 +209,39 @@ def test_classes_that_are_no_words_for_people_are_asked_for(write):
 def test_a_row_with_a_value_too_many_or_too_few_is_named(write, row, many, separator):
     content = lines(separator)
     content[row] = f"{content[row]}{separator}9" if many else content[row].rpartition(separator)[0]
-    with pytest.raises(InputError, match=rf"walk\.csv, line {row + 1}: {5 if many else 3} columns"):
-        people_in(write(content))
+    assert refused(write(content)).where == row + 1
 
 
 @pytest.mark.parametrize(
-    ("content", "named"),
+    ("content", "line", "remedy"),
     [
-        ("time,id,x\n0,1,2\n", "no column for y; there are time, id, x.*--columns y=TITLE"),
-        ("t~who~x~y\n0~1~2~3\n", "no column for time or frame, id, x, y; there are t~who~x~y"),
-        ("time,id,x,y,x\n0,1,2,3,4\n", "several columns 'x'.*--columns time,id,x,y"),
-        ("x_cm,y_m,id,t\n0,1,2,3\n", "x and y have the units cm and m"),
-        ("time,id,x,y\n0,1,2,left\n", "line 2: y = 'left' is not a number"),
-        ("time;id;x;y\n0;1;2,5;3\n", "line 2: x = '2,5' is not a number.*--decimal ,"),
-        ("time,id,x,y\n0,1,2,5,3\n", "line 2: 5 columns"),
-        ("time,id,x,y\n0,1,inf,3\n", "line 2: x = 'inf', must be finite"),
-        ("time,id,x,y\n0,1,1_0,3\n", "line 2: x = '1_0' is not a number"),
-        ("time,id,x,y\n0,1.5,2,3\n", "id = '1.5' is not a whole number"),
-        ("time,id,x,y\n0,,2,3\n", "id is missing in all rows"),
-        ("time,id,x,y\n,1,2,3\n", "line 2: time is missing"),
-        ("frame,id,x,y\n0.5,1,2,3\n", "line 2: frame = 0.5, must be a whole number|frame rate"),
-        ("time,id,x,y\n0,1,2,3\n1,1,2,3\n0,1,2,4\n", "line 4: id 1 is at another place at 0 s in line 2"),
-        ("time,id,x,y\n0,1,2,3\n", "no pedestrian was detected twice.*is the right column used as id"),
-        ("time,id,x,y\n", "no detections: no row"),
-        ("0,1,2\n", "no header, and 3 columns"),
-        ("time,id,x,y\n0,1,2," + "3" * 2**21, "a line of more than|at most 1e"),
-        ("\n".join(",".join(["0.5"] * 50) for _ in range(4)), "a transposed table: few rows with 50 columns"),
-        (b"time,id,x,y\n0,1,2,\x81\n", "the text is not utf-8.*--encoding cp1252"),
+        ("time,id,x\n0,1,2\n", None, "--columns y=TITLE"),
+        ("t~who~x~y\n0~1~2~3\n", None, "--columns time=TITLE,"),
+        ("time,id,x,y,x\n0,1,2,3,4\n", None, "--columns time,id,x,y"),
+        ("x_cm,y_m,id,t\n0,1,2,3\n", None, "titles"),
+        ("time,id,x,y\n0,1,2,left\n", 2, "line"),
+        ("time;id;x;y\n0;1;2,5;3\n", 2, "--decimal ,"),
+        ("time,id,x,y\n0,1,inf,3\n", 2, "line"),
+        ("time,id,x,y\n0,1,1_0,3\n", 2, "line"),
+        ("time,id,x,y\n0,1.5,2,3\n", None, "--columns id=TITLE"),
+        ("time,id,x,y\n0,,2,3\n", None, "--columns id=TITLE"),
+        ("time,id,x,y\n,1,2,3\n", 2, "Correct"),
+        ("# fps: 5\nframe,id,x,y\n0.5,1,2,3\n", 3, "Correct"),
+        ("frame,id,x,y\n0,1,2,3\n", None, "--rate"),
+        ("time,id,x,y\n0,1,2,3\n1,1,2,3\n0,1,2,4\n", 4, "--columns id=TITLE"),
+        ("time,id,x,y\n0,1,2,3\n", None, "--columns id=TITLE"),
+        ("time,id,x,y\n", None, "Name a file with tracks"),
+        ("0,1,2\n", None, "--delimiter"),
+        ("time,id,x,y\n0,1,2," + "3" * 2**21, None, "Correct"),
+        (b"time,id,x,y\n0,1,2,\x81\n", None, "--encoding cp1252"),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path, content, named):
+def test_an_error_names_the_line_and_the_remedy(tmp_path, content, line, remedy):
     path = tmp_path / "walk.csv"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    with pytest.raises(InputError, match=rf"walk\.csv.*({named})"):
-        read_recording(path)
+    error = refused(path)
+    assert error.where == line
+    assert remedy in str(error)
 
 
 @pytest.mark.parametrize(
@@ -274,19 +259,17 @@ def test_what_is_wrong_is_said(tmp_path, content, named):
     ],
 )
 def test_options_are_checked(wrong):
-    with pytest.raises(ValueRuleError, match=next(iter(wrong))):
+    with pytest.raises(ValueRuleError) as error:
         ReadOptions(**wrong)
+    assert error.value.field == next(iter(wrong))
 
 
 def test_rows_are_bounded(write, monkeypatch, tmp_path):
-    path = write(lines())
-    monkeypatch.setattr("pedpred.reading.text.MOST_NUMBERS", 20)
-    with pytest.raises(InputError, match="more than 5 rows"):
-        read_recording(path)
     pd.DataFrame(ROWS, columns=HEADER).to_parquet(tmp_path / "walk.parquet")
-    monkeypatch.setattr("pedpred.reading.table.MOST_NUMBERS", 20)
-    with pytest.raises(InputError, match="24 rows, at most 5"):
-        read_recording(tmp_path / "walk.parquet")
+    pd.DataFrame(ROWS, columns=HEADER).to_feather(tmp_path / "walk.feather")
+    monkeypatch.setattr("pedpred.reading.text.MOST_NUMBERS", 20)
+    for path in (write(lines()), tmp_path / "walk.parquet", tmp_path / "walk.feather"):
+        assert "Divide the file" in str(refused(path))
 
 
 # Scene folders and their tables
@@ -299,22 +282,23 @@ def test_parquet_there_and_back(tmp_path, scene):
     assert_same(read_parquet_tracks(tmp_path / "tracks.parquet"), scene.trajectories)
 
 
-def test_other_columns_are_not_decoded_and_needed_ones_hold_numbers(tmp_path):
+def test_other_stored_columns_are_not_decoded(tmp_path):
     """A small file with a dictionary column that would fill the memory."""
     table = tracks_table(TRACKS)
     note = pd.Categorical(["a" * 2**20] * len(TRACKS))
     table.assign(note=note, fields=[[1]] * len(TRACKS)).to_parquet(tmp_path / "tracks.parquet")
     assert_same(read_parquet_tracks(tmp_path / "tracks.parquet"), TRACKS)
     table.assign(x_m=table.x_m.astype(str)).to_parquet(tmp_path / "tracks.parquet")
-    with pytest.raises(InputError, match=r"column x_m: .*not numbers"):
+    with pytest.raises(InputError) as error:
         read_parquet_tracks(tmp_path / "tracks.parquet")
+    assert error.value.where == "column x_m"
 
 
 def test_stored_rows_are_bounded_before_they_are_decoded(tmp_path, monkeypatch):
     write_parquet_tracks(TRACKS, tmp_path / "tracks.parquet")
     monkeypatch.setattr("pedpred.storage.tracks.MOST_NUMBERS", 4 * len(TRACKS) - 1)
     monkeypatch.setattr("pedpred.storage.tracks.read_columns", lambda *_: pytest.fail("it was decoded"))
-    with pytest.raises(InputError, match=re.escape(f"{len(TRACKS)} rows of 4 numbers")):
+    with pytest.raises(InputError):
         read_parquet_tracks(tmp_path / "tracks.parquet")
 
 
@@ -330,22 +314,22 @@ def own(write, tmp_path):
 def test_the_clock_of_a_folder_of_ones_own_is_checked_too(own):
     assert_same(read_folder(own, "mine", {}).trajectories, TRACKS)
     (own / "tracks.csv").write_text("\n".join(lines(rows=[(1000 * t, *rest) for t, *rest in ROWS])))
-    with pytest.raises(InputError, match="looks like milliseconds"):
+    with pytest.raises(InputError):
         read_folder(own, "mine", {})
 
 
 def test_a_folder_with_a_table_is_not_converted_into_itself(own):
     """Otherwise later corrections of the table would lose against what was converted."""
     before = {path.name: path.read_bytes() for path in own.iterdir()}
-    with pytest.raises(SystemExit, match=r"own: .* is an input of this command"):
+    with pytest.raises(SystemExit, match="own"):
         main(["convert", str(own), "-o", str(own), "--force"])
     assert {path.name: path.read_bytes() for path in own.iterdir()} == before
 
 
 @pytest.mark.parametrize("command", ["convert", "predict"])
-def test_a_layout_beside_a_recording_is_not_overwritten_unasked(write, tmp_path, command):
+def test_a_layout_beside_a_recording_is_not_overwritten(write, tmp_path, command):
     (tmp_path / "out.foxglove.json").write_text("precious")
-    with pytest.raises(SystemExit, match=r"out\.foxglove\.json is there already; --force"):
+    with pytest.raises(SystemExit, match="--force"):
         main([command, str(write(lines())), "-o", str(tmp_path / "out.mcap")])
     assert (tmp_path / "out.foxglove.json").read_text() == "precious"
     assert not (tmp_path / "out.mcap").exists()
@@ -356,6 +340,6 @@ def test_a_layout_beside_a_recording_is_not_overwritten_unasked(write, tmp_path,
     [("convert", "x.csv"), ("predict", "x"), ("predict", "x.xlsx"), ("convert", "hall.v2")],
 )
 def test_the_name_of_an_output_says_what_it_is(write, tmp_path, command, name):
-    with pytest.raises(SystemExit, match=r"ends in \.mcap"):
+    with pytest.raises(SystemExit, match=r"\.mcap"):
         main([command, str(write(lines())), "-o", str(tmp_path / name)])
     assert not Path(tmp_path / name).exists()

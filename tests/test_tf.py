@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
 from pedpred.ros.tf import (
-    LONGEST_GAP_S,
     MOST_FRAMES,
     MOST_POSES,
     Frames,
@@ -80,9 +79,9 @@ def test_points_go_through_all_frames_and_back(seed):
     np.testing.assert_array_equal(frames.placed(points, 7.0, "a", "a"), points)
 
 
-@pytest.mark.parametrize("time_s", [10.0, 10.03, 10.25, 10.5])
-def test_poses_are_interpolated(time_s):
-    assert x_of(moving([10.0, 10.1, 10.5, 10.5]), time_s) == pytest.approx(time_s)
+@pytest.mark.parametrize("time_s", [10.0, 10.03, 10.25, 10.5, 30.0])
+def test_poses_are_interpolated_over_gaps_of_any_length(time_s):
+    assert x_of(moving([10.0, 10.1, 10.5, 10.5, 60.0]), time_s) == pytest.approx(time_s)
 
 
 def test_each_point_has_its_own_time():
@@ -91,27 +90,21 @@ def test_each_point_has_its_own_time():
     np.testing.assert_allclose(placed[:, 0], np.where(times_s < 10.0, np.nan, times_s))
 
 
-@pytest.mark.parametrize("time_s", [9.99, 10.51, 10.5 + LONGEST_GAP_S])
+@pytest.mark.parametrize("time_s", [9.99, 10.51, 11.5])
 def test_poses_are_not_extrapolated(time_s):
     frames = moving([10.0, 10.5])
     assert np.isnan(x_of(frames, time_s))
-    assert "'base' in 'map'" in frames.lack("base", "map", time_s)
+    assert "'base' in 'map'" in frames.explain_missing("base", "map", time_s)
 
 
-def test_a_long_gap_is_not_interpolated_if_the_frame_moves():
-    frames = moving([10.0, 10.1, 11.2])
-    assert np.isnan(x_of(frames, 10.6))
-    assert frames.lack("base", "map", 10.6)
-    assert not frames.lack("base", "map", 11.2)
+def test_a_frame_moves_if_its_poses_differ():
     still = frames_of(*(transform("map", "base", time_s, offset=(3.0, 0.0, 0.0)) for time_s in (10.0, 20.0)))
-    assert x_of(still, 15.0) == 3.0
-    assert (frames.moves("base"), still.moves("base")) == (True, False)
+    assert (moving([10.0, 10.1]).moves("base"), still.moves("base")) == (True, False)
 
 
 def test_a_fixed_frame_is_there_at_all_times():
     frames = frames_of(transform("map", "base", 5.0, offset=(2.0, 0.0, 0.0)), fixed=True)
     assert x_of(frames, 0.0) == x_of(frames, 1e9) == 2.0
-    assert frames.age_s("base", "map", 1e9) is None
     assert not frames.moves("base")
 
 
@@ -120,13 +113,13 @@ def test_the_last_parent_of_a_frame_wins():
     frames.add(transform("odom", "base", 10.05), 0.0, False)
     assert frames.chain("base") == ["base", "odom"]
     assert np.isnan(x_of(frames, 10.05))
-    assert frames.lack("base", "map", 10.05)
+    assert frames.explain_missing("base", "map", 10.05)
 
 
-def test_a_loop_is_no_way_to_the_map():
+def test_a_loop_does_not_lead_to_the_map():
     frames = frames_of(transform("a", "b"), transform("b", "a"))
     assert frames.chain("a") == ["a", "b"]
-    assert frames.lack("a", "map", 0.0)
+    assert frames.explain_missing("a", "map", 0.0)
 
 
 def test_impossible_poses_are_left_out():
@@ -139,19 +132,11 @@ def test_impossible_poses_are_left_out():
 def test_transforms_without_a_stamp_are_of_their_arrival():
     frames = Frames()
     frames.add(transform("map", "base"), 12.5, False)
-    assert not frames.lack("base", "map", 12.5)
+    assert not frames.explain_missing("base", "map", 12.5)
 
 
 def test_names_have_no_leading_slash():
     assert frames_of(transform("/map", "/base")).chain("base") == ["base", "map"]
-
-
-def test_the_age_is_that_of_the_oldest_link():
-    frames = moving([10.0, 10.5], parent="odom")
-    frames.add(transform("map", "odom", 8.0), 0.0, False)
-    assert frames.age_s("base", "map", 11.0) == 3.0
-    assert frames.age_s("base", "odom", 11.0) == 0.5
-    assert frames.age_s("base", "elsewhere", 11.0) == np.inf
 
 
 # Live streams
@@ -166,7 +151,7 @@ def test_old_poses_are_forgotten():
 
 
 def test_the_memory_of_a_live_stream_is_bounded():
-    """At 10 kHz, and with a frame for each person."""
+    """Also at 10 kHz, and with a frame for each person."""
     frames = moving(np.linspace(100.0, 105.0, 5 * MOST_POSES), kept_s=10.0)
     assert len(frames._edges["base"]._samples) <= 2 * 8 * MOST_POSES + 8
     frames.add(transform("map", "camera"), 0.0, True)
@@ -177,14 +162,14 @@ def test_the_memory_of_a_live_stream_is_bounded():
     assert frames.chain("base") == ["base"]
 
 
-def test_a_frame_whose_time_goes_back_is_begun_anew():
+def test_a_frame_whose_time_goes_back_begins_anew():
     """As where a simulation restarts; other frames stay."""
     frames = moving([100.0, 100.1], kept_s=10.0)
     frames.add(transform("map", "other", 100.0), 0.0, False)
     frames.add(transform("map", "base", 5.0, offset=(7.0, 0.0, 0.0)), 0.0, False)
     assert x_of(frames, 5.0) == 7.0
     assert np.isnan(x_of(frames, 100.1))
-    assert not frames.lack("other", "map", 100.0)
+    assert not frames.explain_missing("other", "map", 100.0)
 
 
 # Robots

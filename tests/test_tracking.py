@@ -12,35 +12,15 @@ from pedpred.scenes import Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.tracking import (
     KalmanSettings,
-    born,
-    corrected,
     follow,
     log_likelihood,
-    predicted,
-    resampled,
     tune_kalman,
 )
 from pedpred.tracking.tuning import LEAST
+from tests.model_walks import model_walks
 from tests.worlds import walled_scene, wandering
 
 SETTINGS = KalmanSettings(acceleration_noise=0.3, position_noise_m=0.1)
-
-
-def test_one_step_equals_the_textbook_matrices():
-    q, r, dt = 0.3, 0.1, 0.4
-    after_s = np.array([dt])
-    ahead = predicted(born(np.array([[1.0, 2.0]]), r, 1.0), after_s, q)
-    belief = corrected(ahead, after_s, np.array([[1.5, 1.8]]), r)
-    mean, covariance = np.array([[1.0, 2.0], [0.0, 0.0]]), np.diag([r**2, 1.0])
-    step = np.array([[1, dt], [0, 1]])
-    noise = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
-    mean, covariance = step @ mean, step @ covariance @ step.T + noise
-    gain = covariance[:, :1] / (covariance[0, 0] + r**2)
-    mean = mean + gain @ (np.array([[1.5, 1.8]]) - mean[:1])
-    covariance = covariance - gain @ covariance[:1]
-    np.testing.assert_allclose(belief.position[0], mean[0])
-    np.testing.assert_allclose(belief.velocity[0], mean[1])
-    np.testing.assert_allclose(belief.covariance[0], covariance[[0, 0, 1], [0, 1, 1]])
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -59,32 +39,6 @@ def test_tracks_do_not_depend_on_each_other(seed):
     one = follow(trajectories.select(trajectories.track_id == 11), "kalman", SETTINGS, 0.2)
     np.testing.assert_array_equal(both.position[both.track_id == 11], one.position)
     np.testing.assert_array_equal(both.heading_rad[both.track_id == 11], one.heading_rad)
-
-
-def test_heading_holds_while_standing_and_never_looks_ahead():
-    time_s = np.arange(12) * 0.3
-    x = np.array([0, 0, 0, 0.4, 0.8, 1.2, 1.2, 1.2, 1.2, 1.2, 1.2, 1.2])
-    velocity = np.stack([0 * x, np.diff(x, prepend=0) / 0.3], axis=-1)
-    stand_go_stand = Trajectories(time_s, np.zeros(12), np.stack([0 * x, x], axis=-1), velocity)
-    heading = follow(stand_go_stand, "truth", None, 0.2).heading_rad
-    np.testing.assert_allclose(heading, [0] * 3 + [np.pi / 2] * 9)
-
-
-def test_last_row_is_the_latest_detection_of_that_track():
-    trajectories = wandering(np.random.default_rng(3))
-    tracks = follow(trajectories, "kalman", SETTINGS, 0.2)
-    rng = np.random.default_rng(4)
-    track_id, time_s = rng.integers(9, 16, 300), rng.uniform(-2, 20, 300)
-    for row, track, now in zip(tracks.last_row(track_id, time_s), track_id, time_s, strict=True):
-        seen = np.flatnonzero((tracks.track_id == track) & (tracks.time_s <= now))
-        assert row == (seen[-1] if len(seen) else -1)
-
-
-def test_bad_settings_are_named():
-    with pytest.raises(ValueRuleError, match="position_noise_m"):
-        KalmanSettings(acceleration_noise=0.3, position_noise_m=0.0)
-    with pytest.raises(ValueRuleError, match="kind"):
-        follow(wandering(np.random.default_rng(0)), "truth", None, 0.2)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -134,39 +88,12 @@ def test_tuning_ends_where_there_is_no_noise(speed_mps, turn_radps):
 
 
 def test_tuning_needs_somebody_who_is_detected_twice():
-    with pytest.raises(ValueRuleError, match="nobody is detected twice"):
+    with pytest.raises(ValueRuleError):
         tune_kalman(Trajectories(np.arange(3.0), np.arange(3), np.zeros((3, 2))), 8)
-
-
-def model_walks(rng, q, r, dt_s):
-    """Walks with white-noise acceleration of density q, seen after each `dt_s` [N, T] with deviation r."""
-    tracks, detections = dt_s.shape
-    velocity, position = rng.normal(0, 1, (tracks, 2)), rng.normal(0, 5, (tracks, 2))
-    seen = []
-    for k in range(detections):
-        h = dt_s[:, k : k + 1]
-        a, b = rng.normal(size=(2, tracks, 2))  # a path and a velocity with the covariance Q
-        position = position + h * velocity + np.sqrt(q * h**3) * (a / 2 + b / np.sqrt(12))
-        velocity = velocity + np.sqrt(q * h) * a
-        seen.append(position + rng.normal(0, r, position.shape))
-    track_id = np.repeat(np.arange(tracks), detections)
-    return Trajectories(np.cumsum(dt_s, axis=1).ravel(), track_id, np.stack(seen, axis=1).reshape(-1, 2))
 
 
 def irregular(rng):
     return rng.uniform(0.05, 0.6, (60, 60))
-
-
-def test_an_id_that_comes_back_is_born_anew():
-    time_s = np.array([0.0, 0.4, 0.8, 5.0, 5.4])
-    x = np.array([0.0, 0.5, 1.0, 9.0, 8.5])
-    walk = Trajectories(time_s, np.zeros(5), np.stack([x, x], axis=-1))
-    tracks, patient = (follow(walk, "kalman", SETTINGS, 0.2, most_s) for most_s in (2.0, 10.0))
-    assert tracks.age.tolist() == [0, 1, 2, 0, 1]
-    assert tracks.life.tolist() == [0, 0, 0, 1, 1]
-    assert tracks.velocity[3].tolist() == [0.0, 0.0]
-    assert tracks.heading_rad[3] == 0.0
-    assert patient.age.tolist() == [0, 1, 2, 3, 4]
 
 
 def test_detections_in_any_order_give_the_same_tracks():
@@ -199,14 +126,3 @@ def test_a_slow_sensor_sees_every_third_instant():
     times, every = (np.unique(s.trajectories.time_s) for s in (seen, scene))
     np.testing.assert_array_equal(times, every[::3])
     assert seen.detection_dt_s == pytest.approx(1.2)
-
-
-def test_resampling_goes_through_the_annotations_and_knows_the_next_one():
-    scene = walled_scene(np.random.default_rng(0), dt_s=0.4)
-    table = resampled(scene, 0.1).trajectories
-    own = scene.trajectories
-    for track in np.unique(own.track_id):
-        path, seen = table.select(table.track_id == track), own.select(own.track_id == track)
-        np.testing.assert_allclose(path.position[::4], seen.position, atol=1e-9)
-        between = (seen.position[2:] - seen.position[:-2]) / 0.8
-        np.testing.assert_allclose(path.velocity[::4][1:-1], between, atol=1e-9)

@@ -7,17 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.forecasting.detections import Detections
-from pedpred.forecasting.shares import best_weights
-from pedpred.forecasting.trust import Trust
+from pedpred.forecasting.trust import Trust, best_weights
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import replay_scene
 from pedpred.scenes import Predictions
-from tests.forecasts import along
+from tests.learners import along
 from tests.worlds import come_again, walled_scene
 
 STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
-WALK = 1
 SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -50,7 +47,7 @@ def stream(rng, frames=80, people=8, wrong_m=0.3, noise_m=0.0, turn_radps=0.0, s
 
 def learned(*rows):
     """The forecasts of all instants with trust that learns."""
-    return Predictions.join([changed for _, changed in along(Trust.unlearned(STEPS), *rows)])
+    return Predictions.join([changed for _, changed in along(Trust.initial(STEPS), *rows)])
 
 
 def errors_m(forecasts, truth, rows):
@@ -74,19 +71,15 @@ def test_no_shares_are_better_than_the_best(root, errors, seed):
     assert loss(best) <= loss(others).min() + 1e-9
 
 
-def test_nothing_to_compare_keeps_the_network():
-    np.testing.assert_array_equal(best_weights(np.zeros((3, 2, 2)), np.zeros((3, 2))), 0.0)
-
-
 @settings(max_examples=10, deadline=None)
 @given(SEEDS, st.floats(0.0, 1.0), st.floats(0.0, 0.1))
 def test_weights_are_shares_whatever_happens(seed, wrong_m, noise_m):
     rng = np.random.default_rng(seed)
     person, time_s, detection, seen, _, forecasts = stream(rng, 60, 5, wrong_m, noise_m, rng.uniform(0, 1))
     seen &= rng.random(len(seen)) < 0.9
-    for trust, _ in along(Trust.unlearned(STEPS), person, time_s, detection, seen, forecasts):
-        assert (trust.weights >= 0).all()
-        assert (trust.weights.sum(axis=-1) <= 1 + 1e-12).all()
+    for place, _ in along(Trust.initial(STEPS), person, time_s, detection, seen, forecasts):
+        assert (place.trust.weights >= 0).all()
+        assert (place.trust.weights.sum(axis=-1) <= 1 + 1e-12).all()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -116,10 +109,10 @@ def test_a_noisy_line_is_not_preferred():
 
 @settings(max_examples=5, deadline=None)
 @given(SEEDS, st.floats(np.pi / 2, np.pi))
-def test_who_turns_is_forecast_by_the_network_however_well_lines_did(seed, turn):
+def test_who_turns_is_forecast_by_the_network(seed, turn):
     """Where lines were right, and the network 0.3 m wrong, for two minutes, it is right about who turns."""
     *walked, _, forecasts = stream(np.random.default_rng(seed), 400)
-    *_, (trust, changed) = along(Trust.unlearned(STEPS), *walked, forecasts)
+    *_, (place, changed) = along(Trust.initial(STEPS), *walked, forecasts)
     assert np.abs(changed.point - forecasts.point[-len(changed) :]).max() > 0.1
     begin_s, turned_s, speed_mps = walked[1][-1] + EVERY_S, 4.2, 1.3
     time_s = np.arange(28) * EVERY_S
@@ -133,7 +126,7 @@ def test_who_turns_is_forecast_by_the_network_however_well_lines_did(seed, turn)
     person = np.full(len(time_s), walked[0].max() + 1)
     rows = person, begin_s + time_s, position(time_s), np.ones(len(time_s), bool)
     right = Predictions.single(truth, DT_S)
-    after = Predictions.join([changed for _, changed in along(trust, *rows, right)])
+    after = Predictions.join([changed for _, changed in along(place, *rows, right)])
     sharp = (time_s > turned_s + 0.5) & (time_s < turned_s + 1.7)
     assert np.linalg.norm(after.point - truth, axis=-1)[sharp].max() < 0.8
 
@@ -146,23 +139,9 @@ def test_equal_paths_change_nothing(seed):
     np.testing.assert_allclose(after.point, forecasts.point, atol=1e-5)
 
 
-def test_modes_go_to_the_lines_as_the_point_forecast_does_and_the_rest_stays():
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(5))
-    after = learned(person, time_s, detection, seen, forecasts)
-    shift = after.point - forecasts.point
-    assert np.abs(shift).max() > 0.1
-    apart = after.path[:, 0] - after.path[:, 1], forecasts.path[:, 0] - forecasts.path[:, 1]
-    nearer = apart[0] / apart[1]  # modes are nearer to each other by the share of the lines
-    assert ((nearer > -1e-5) & (nearer < 1 + 1e-5)).all()
-    np.testing.assert_allclose(nearer[..., 0], nearer[..., 1], atol=1e-5)
-    np.testing.assert_allclose(after.path[:, 0] - forecasts.path[:, 0], shift, atol=1e-5)  # it is the point
-    np.testing.assert_array_equal(after.weight, forecasts.weight)
-    np.testing.assert_array_equal(after.covariance, forecasts.covariance)
-
-
 @settings(max_examples=5, deadline=None)
 @given(seed=SEEDS)
-def test_what_somebody_does_changes_no_forecast_of_who_is_there(seed):
+def test_a_person_changes_no_forecast_of_who_is_there(seed):
     """Nor of who came up to 4 s after somebody had left; who comes later starts with something else."""
     rng = np.random.default_rng(seed)
     person, time_s, detection, seen, _, forecasts = stream(rng, 100, noise_m=0.02, stay_s=10.0)
@@ -210,52 +189,16 @@ def test_forecasts_turn_with_the_world(seed, turn):
     np.testing.assert_allclose(other.point, after.point @ turned, atol=1e-6)
 
 
-@given(st.lists(st.lists(st.integers(0, 9), unique=True), max_size=8))
-def test_detections_of_instants_are_joined_one_by_one_as_all_at_once(people):
-    known, rng = Detections.none(), np.random.default_rng(0)
-    person = np.concatenate([np.zeros(0, np.int64), *people]).astype(np.int64)
-    time_s = np.repeat(1.0 * np.arange(len(people)), list(map(len, people)))
-    position = rng.normal(size=(len(person), 2))
-    for now in np.unique(time_s):
-        known = known.with_later(now, person[time_s == now], position[time_s == now])
-    order = np.lexsort((time_s, person))
-    for name, values in {"time_s": time_s, "person": person, "position": position}.items():
-        np.testing.assert_array_equal(getattr(known, name), values[order])
-
-
-def test_people_who_are_not_detected_teach_nothing():
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(6))
-    after = learned(person, time_s, detection, ~seen, forecasts)
-    np.testing.assert_array_equal(after.point, forecasts.point)
-
-
-def test_people_who_leave_before_the_last_step_teach_nothing():
-    """Everybody has been followed for 2.4 s at 2.4 s, and is gone after 5.1 s."""
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(7), stay_s=5.2)
-    after = learned(person, time_s, detection, seen, forecasts)
-    np.testing.assert_array_equal(after.point, forecasts.point)
-
-
 def test_what_is_kept_does_not_grow():
     sizes = []
     rows = _without_truth(stream(np.random.default_rng(8), 300, 20, stay_s=15.0))
-    for trust, _ in along(Trust.unlearned(STEPS), *rows):
-        waiting = sum(len(past.person) for past in trust.waiting)
-        sizes.append((len(trust.waiting), waiting, len(trust.detections.time_s), len(trust.person)))
+    for place, _ in along(Trust.initial(STEPS), *rows):
+        trust = place.trust
+        kept = sum(len(past.person) for past in trust.past)
+        sizes.append((len(trust.past), kept, len(place.detections.time_s), len(trust.person)))
         assert trust.place.compared.max() <= 10000
     assert (np.max(sizes, axis=0) == np.max(sizes[:75], axis=0)).all()
     assert trust.place.compared.max() > 1000
-
-
-def test_with_nobody_known_it_keeps_what_it_learned():
-    """Who is there when time jumps has left; whoever comes then starts with what they taught."""
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(9), 40, stay_s=1000.0)
-    *_, (trust, _) = along(Trust.unlearned(STEPS), person, time_s, detection, seen, forecasts)
-    np.testing.assert_array_equal(trust.weights, 0.0)
-    alone = trust.without_people()
-    assert (alone.waiting, len(alone.person), len(alone.detections.time_s)) == ((), 0, 0)
-    np.testing.assert_array_equal(alone.place.compared, trust.taught.compared.sum(axis=0))
-    assert alone.place.best_weights()[WALK].sum() > 0.1
 
 
 def _without_truth(rows):

@@ -16,12 +16,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from pedpred.baselines.social_force import InitialState, initial_state
-from pedpred.baselines.together import present_at
+from pedpred.baselines.social_force import InitialState, initial_state, people_present
 from pedpred.config import config_errors, read_params, row
-from pedpred.errors import ShapeError
-from pedpred.evaluation.scores import integrate_truth
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.errors import shape_error
+from pedpred.evaluation import find_windows
 from pedpred.files import check_output
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from stages.perception import perception_of
@@ -88,10 +86,10 @@ def fit_forces(
         most_trials: parameter sets to try at most.
 
     Raises:
-        ShapeError: `truth` is not that of `asked`.
+        ValueRuleError: `truth` is not that of `asked`.
     """
     if len(truth) != len(asked):
-        raise ShapeError("truth", truth.shape, f"[{len(asked)}, P, 2]")
+        raise shape_error("truth", truth.shape, f"[{len(asked)}, P, 2]")
     first = np.array([getattr(model.forces, name) for name in FITTED])
     first_log = np.log(first)
     simplex = np.vstack([first_log, first_log + np.log(2.0) * np.eye(len(first))])  # twice each value
@@ -131,11 +129,10 @@ def fit_place(place: str, model: SocialForceSettings, trials: int) -> Fit:
     params = read_params(Path())
     how = perception_of(params, params.places[place])
     scene = recording(place)
-    request = ask_about_windows(scene, *how)
-    people, asked = present_at(request)
+    windows = find_windows(scene, *how)
+    people, asked = people_present(windows.request)
     start = initial_state(scene, *people, model.routing)
-    dt_s = request.sizes.dt_s
-    return fit_forces(start, asked, integrate_truth(request.asked, dt_s), model, dt_s, trials)
+    return fit_forces(start, asked, windows.truth, model, windows.request.sizes.dt_s, trials)
 
 
 def base_of(place: str, base: str, rows: Mapping[str, Any]) -> dict[str, Any]:

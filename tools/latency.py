@@ -89,7 +89,7 @@ def update_times(folder: Path, count: int, frames: int) -> dict[str, np.ndarray]
     robot.set_map(room(rng))
     times: dict[str, list[float]] = {}
     owners = {
-        "features": (robot, "_inputs"),
+        "features": (robot._steps, "inputs"),
         "network": (robot._network, "step"),
         "choice": (robot, "_forecast"),
     }

@@ -1,31 +1,23 @@
-"""Repair what a killed `dvc repro` left half written, and shorten dvc.lock: `python -m tools.mend_lock`.
+"""Repair what a killed `dvc repro` left half written: `python -m tools.mend_lock`.
 
 `make reproduce` starts with it. DVC writes dvc.lock in place: after a kill during that write the file ends
 within a stage's entry. The copy that every stage makes when it starts then takes its place; stages that have
 ended since run again. DVC's list of files in use (rwlock) can be cut likewise and is removed.
-
-Entries of stages that dvc.yaml no longer has are dropped: DVC keeps them, and reads and writes the whole file
-after every stage, which takes seconds per megabyte.
 """
 
 from __future__ import annotations
 
 import json
 import logging
-import re
-from collections.abc import Container
 from pathlib import Path
 
 import yaml
-from dvc.dvcfile import load_file
 from dvc.lock import make_lock
-from dvc.repo import Repo
 from dvc.schema import COMPILED_LOCKFILE_SCHEMA
 from dvc.utils.strictyaml import YAMLValidationError, validate
 
 from pedpred.config import KEPT, LOCK, keep_lock
 from pedpred.errors import user_errors
-from pedpred.files import write_text
 from tools.arguments import no_arguments
 
 RUNNING = Path(".dvc/tmp/rwlock")
@@ -54,24 +46,9 @@ def remove_damaged_rwlock() -> None:
             RUNNING.unlink()
 
 
-def keep_entries(text: str, stages: Container[str]) -> str:
-    """Return the text of a lock file with the entries of these stages only, as they are."""
-    parts = re.split(r"(?m)^(?=  \S)", text)  # what comes before the first entry, then one entry each
-    return parts[0] + "".join(entry for entry in parts[1:] if entry.partition(":\n")[0].strip() in stages)
-
-
-def drop_removed_stages() -> None:
-    """Remove what dvc.lock says of stages that dvc.yaml no longer has."""
-    with Repo(uninitialized=True) as project:
-        stages = load_file(project, "dvc.yaml").stages
-    before = LOCK.read_text()
-    if (after := keep_entries(before, stages)) != before:
-        write_text(LOCK, after)
-
-
 @user_errors()
 def main() -> None:
-    """Repair and shorten the files if necessary and keep a copy of dvc.lock for the next time."""
+    """Repair the files if necessary and keep a copy of dvc.lock for the next time."""
     remove_damaged_rwlock()
     if LOCK.exists() and not is_whole(LOCK):
         logging.warning("dvc.lock is cut, as after a kill; the copy %s takes its place", KEPT)
@@ -79,8 +56,6 @@ def main() -> None:
             KEPT.replace(LOCK)
         else:
             LOCK.unlink()
-    if LOCK.exists() and Path("dvc.yaml").exists():
-        drop_removed_stages()
     keep_lock(Path())
 
 

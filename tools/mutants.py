@@ -49,11 +49,17 @@ from tools.mutations import Mutation, constants, functions, mutations
 
 SCOPE = (
     *("metrics", "forecasting", "evaluation", "tracking", "features", "models", "training"),
-    *("simulation/kernel.py", "driving/risk.py", "driving/planner.py", "driving/measures.py"),
+    *(
+        "simulation/kernel.py",
+        "simulation/physics.py",
+        "driving/risk.py",
+        "driving/planner.py",
+        "driving/measures.py",
+    ),
 )
 """Folders and files of pedpred that are changed."""
 TESTS = (
-    *("augmentation", "calibration", "comparison", "displacement", "evaluation", "evaluation_memory"),
+    *("calibration", "comparison", "displacement", "evaluation", "evaluation_memory"),
     *("features", "instant_training", "learning", "matching", "measures", "mixture", "noise"),
     *("predictions", "reduction", "regions", "selection", "surroundings", "tracking", "trust"),
     *("uncertainty", "windows"),

@@ -1,6 +1,6 @@
 """Social forces with oracle knowledge: every pedestrian's true goal.
 
-All pedestrians of an instant are rolled out together, without noise, by the simulator's own kernel.
+All people of an instant are rolled out together, without noise, by the simulator's own kernel.
 Simulated scenes know the goals and desired speeds, so that the noise is the only source of error; in real
 ones the goal is the end of the track, the desired speed the tracked one, and groups are the annotated ones.
 """
@@ -11,17 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pedpred.baselines.together import SAME_TIME_S, Present, forecast_jointly, roll_out_all
 from pedpred.errors import ValueRuleError
+from pedpred.features.surroundings import present_rows
 from pedpred.forecasting import Forecaster, ForecastRequest
-from pedpred.scenes import OccupancyMap, Predictions, Scene, Trajectories
+from pedpred.geometry import rotate
+from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.simulation.crowd import Crowd, crowd_of
-from pedpred.simulation.ground import Ground, ground_of
+from pedpred.simulation.ground import Ground, ground_around
 from pedpred.simulation.routing import Routes, routes_to
 from pedpred.simulation.settings import RoutingSettings, SocialForceSettings
+from pedpred.simulation.simulator import rollout
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 GOALS_AHEAD = 4  # enough for a horizon of some seconds
-_FREE_MARGIN_M = 3.0  # ground around the map where people may walk; no border is felt farther away
 
 
 def social_force() -> Forecaster:
@@ -29,14 +31,49 @@ def social_force() -> Forecaster:
 
     def forecast(request: ForecastRequest) -> Predictions:
         sizes, model = request.sizes, request.walking_model
-
-        def roll_out(people: Present) -> np.ndarray:
-            start = initial_state(request.scene, *people, model.routing)
-            return start.paths(model, sizes.horizon_steps, sizes.dt_s)
-
-        return forecast_jointly(request, roll_out)
+        people, asked = people_present(request)
+        start = initial_state(request.scene, *people, model.routing)
+        return Predictions.single(start.paths(model, sizes.horizon_steps, sizes.dt_s)[asked], sizes.dt_s)
 
     return forecast
+
+
+class Present(NamedTuple):
+    """All people at some instants, by track and instant. World frame.
+
+    Attributes:
+        track_id: [R]
+        time_s: the instant, s. [R]
+        position: tracked; extrapolated from the last detection if that is earlier, m. [R, 2]
+        velocity: tracked, m/s. [R, 2]
+    """
+
+    track_id: np.ndarray
+    time_s: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+
+
+def people_present(request: ForecastRequest) -> tuple[Present, np.ndarray]:
+    """Collect all people at the instants of the asked rows, and find those rows among them.
+
+    As for the inputs of networks, people are present while their last detection is at most
+    `max_age_intervals` old.
+
+    Returns:
+        People [R], and the index of each asked row. [W]
+    """
+    table = request.table
+    now_s, instant = np.unique(table.time_s[request.rows], return_inverse=True)
+    row, at = present_rows(table.track_id, table.time_s, now_s, request.max_age_s)
+    _, track = np.unique(table.track_id, return_inverse=True)
+    key = track[row] * len(now_s) + at
+    order = np.argsort(key)
+    row, time_s = row[order], now_s[at[order]]
+    velocity = rotate(table.velocity[row], table.heading_rad[row]).astype(np.float64)
+    position = table.position[row] + (time_s - table.time_s[row])[:, None] * velocity
+    asked = np.searchsorted(key[order], track[request.rows] * len(now_s) + instant)
+    return Present(table.track_id[row], time_s, position, velocity), asked
 
 
 class Intentions(NamedTuple):
@@ -71,8 +108,28 @@ class InitialState(NamedTuple):
     routes: Routes
 
     def paths(self, model: SocialForceSettings, horizon_steps: int, dt_s: float) -> np.ndarray:
-        """World positions after 1 ... P steps of `dt_s` seconds, m. [W, P, 2]."""
-        return roll_out_all(self.crowd, self.time_s, self.ground, self.routes, model, horizon_steps, dt_s)
+        """World positions after 1 ... P steps of `dt_s`, without noise; those of one instant walk together.
+
+        Args:
+            model: forces and integration step.
+            horizon_steps: P.
+            dt_s: time between two steps, s.
+
+        Returns:
+            m. [W, P, 2]
+        """
+        paths = np.empty((len(self.time_s), horizon_steps, 2))
+        for rows in rows_of_instants(self.time_s):
+            crowd = Crowd(*(values[rows] for values in self.crowd))
+            paths[rows] = rollout(crowd, self.ground, self.routes, model, horizon_steps, dt_s)
+        return paths
+
+
+def rows_of_instants(time_s: np.ndarray) -> list[np.ndarray]:
+    """Rows of each instant, in the order of time. [W] -> [N] each."""
+    order = np.argsort(time_s, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(time_s[order])) + 1)
+    return parts if len(order) else []
 
 
 def initial_state(
@@ -101,7 +158,7 @@ def initial_state(
     position, velocity = (np.asarray(v, dtype=np.float64).reshape(-1, 2) for v in (position, velocity))
     time_s = np.asarray(time_s, dtype=np.float64)
     wanted = intentions(scene.trajectories, np.asarray(track_id), time_s, velocity)
-    ground = _surroundings(scene.occupancy, np.vstack([position, wanted.goals]), routing.resolution_m)
+    ground = ground_around(scene.occupancy, np.vstack([position, wanted.goals]), routing.resolution_m)
     crowd = crowd_of(position, velocity, wanted.desired_speed, wanted.plan, wanted.group)
     return InitialState(crowd, time_s, ground, routes_to(wanted.goals, ground, routing))
 
@@ -150,14 +207,6 @@ def _latest_rows(
         if first == last:
             raise ValueRuleError("track_id", int(asked), "the recording has no such track")
         mask = track_id == asked
-        latest = np.searchsorted(times_s[first:last], time_s[mask] + SAME_TIME_S, side="right") - 1
+        latest = np.searchsorted(times_s[first:last], time_s[mask] + TIME_TOLERANCE_S, side="right") - 1
         rows[mask] = first + np.maximum(latest, 0)
     return rows
-
-
-def _surroundings(occupancy: OccupancyMap, points: np.ndarray, routing_m: float) -> Ground:
-    """The map with free ground around it that holds all points, in whole routing cells."""
-    beyond = np.maximum(occupancy.origin - points, points - occupancy.origin - occupancy.extent_m)
-    cells = max(round(routing_m / occupancy.resolution_m), 1)
-    margin_m = float(beyond.max(initial=0.0)) + _FREE_MARGIN_M
-    return ground_of(occupancy, cells * int(np.ceil(margin_m / (cells * occupancy.resolution_m))))

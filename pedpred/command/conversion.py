@@ -20,16 +20,16 @@ from pedpred.scenes import Scene, placement
 from pedpred.storage.scenes import write_scene
 
 MCAP = ".mcap"
-_log = logging.getLogger(__name__)
 _OPTIONAL = ("velocity", "goal", "desired_speed_mps", "group_id", "person_id")
+_log = logging.getLogger(__name__)
 
 
 def info(arguments: argparse.Namespace) -> None:
     """Describe the content of recordings."""
     for number, path in enumerate(arguments.scene):
-        recording = open_recording(path, arguments.options)
+        about = _about(open_recording(path, arguments.options))
         sys.stdout.write("\n" if number else "")
-        sys.stdout.writelines(f"{key:>12}  {value}\n" for key, value in _about(recording).items())
+        sys.stdout.writelines(f"{key:>12}  {value}\n" for key, value in about.items())
 
 
 def _about(recording: Recording) -> dict[str, str]:
@@ -67,33 +67,31 @@ def check_conversion(arguments: argparse.Namespace) -> None:
 
 def convert(arguments: argparse.Namespace) -> None:
     """Write a recording as MCAP (a name that ends in .mcap) or as a scene folder."""
-    recording = open_recording(arguments.scene, arguments.options)
-    scene = recording.scene
+    scene, output = open_recording(arguments.scene, arguments.options).scene, arguments.output
     if arguments.scene.is_file():
-        scene = replace(scene, name=arguments.output.stem)
+        scene = replace(scene, name=output.stem)
     _log.info("%s: %s", scene.name, placement(scene.trajectories.position, scene.occupancy))
-    if arguments.output.suffix == MCAP:
-        write_recording(scene, arguments.output)
-        write_layout_beside(arguments.output, scene)
+    if output.suffix == MCAP:
+        write_recording(scene, output)
+        write_layout_beside(output, scene)
     else:
-        write_scene(scene, arguments.output)
+        write_scene(scene, output)
+
+
+def output_paths(path: Path) -> list[Path]:
+    """All paths that are written for an output: beside a recording, its layout for Foxglove."""
+    return [path, _layout_of(path)] if path.suffix == MCAP else [path]
 
 
 def write_layout_beside(recording: Path, scene: Scene) -> None:
     """Write the layout for Foxglove of a recording."""
-    write_layout(scene.occupancy, set(), layout_of(recording))
+    write_layout(scene.occupancy, set(), _layout_of(recording))
 
 
-def layout_of(recording: Path) -> Path:
-    """Path of the layout for Foxglove that is written beside a recording."""
+def _layout_of(recording: Path) -> Path:
     return recording.with_suffix(".foxglove.json")
 
 
-def written_to(path: Path) -> list[Path]:
-    """All paths that are written for an output: the layout for Foxglove beside a recording, too."""
-    return [path, layout_of(path)] if path.suffix == MCAP else [path]
-
-
 def stem_of(path: Path) -> str:
-    """What an output is called after an input; `.` and `..` are called as the folders are."""
+    """The name of an output after an input; `.` and `..` have the names of their folders."""
     return Path(os.path.abspath(path)).stem  # without following links

@@ -5,22 +5,19 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+import pandas as pd
 
 from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.field_protocol import assess_windows, protocol_table
-from pedpred.command.foreign import (
-    ForeignForecasts,
-    answered_by_all,
-    read_forecasts,
-    unique_names,
-)
+from pedpred.command.foreign import ForeignForecasts, has_all_forecasts, read_forecasts
 from pedpred.command.prediction import predictor_for, read_tracker
 from pedpred.command.recordings import open_recording
 from pedpred.command.tables import (
@@ -33,8 +30,8 @@ from pedpred.command.tables import (
 )
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
+from pedpred.evaluation.observed import TOLERANCE_S
 from pedpred.files import write_json
-from pedpred.literature.stretches import TOLERANCE_S
 from pedpred.metrics import METRICS
 from pedpred.metrics.paths import SAME_INSTANT_S
 from pedpred.online.assessment import ALWAYS, assess
@@ -48,8 +45,6 @@ _PAUSE_S = 10.0  # longer than any person is remembered
 _log = logging.getLogger(__name__)
 
 Timed = TypeVar("Timed", Trajectories, ForeignForecasts)
-Assessed = dict[str, dict[str, Scores]]
-"""Scene -> method -> scores."""
 
 
 class _Measured(NamedTuple):
@@ -62,37 +57,30 @@ class _Measured(NamedTuple):
 
 
 def check_evaluation(arguments: argparse.Namespace) -> None:
-    """Check the options about forecasts of other programs.
+    """Check the thresholds and the options about forecasts of other programs; adds `settings`.
 
     Raises:
-        ValueRuleError: they are about several scenes, or there are none.
+        ValueRuleError: forecasts are about several scenes, or there are none; or a threshold is wrong.
     """
     if arguments.forecasts and len(arguments.scene) > 1:
         rule = "give the one scene that they are about"
-        raise ValueRuleError("--forecasts", str(arguments.forecasts[0]), rule)
+        raise ValueRuleError("forecasts", str(arguments.forecasts[0]), rule)
     if arguments.step_s is not None and not arguments.forecasts:
-        raise ValueRuleError("--step-s", arguments.step_s, "it is about a table: --forecasts FILE.csv")
+        raise ValueRuleError("step_s", arguments.step_s, "it is about a table: --forecasts FILE.csv")
+    names = ("moving_mps", "collision_m", "bootstrap", "seed")
+    arguments.settings = EvaluationSettings(**{name: getattr(arguments, name) for name in names})
 
 
 def evaluate(arguments: argparse.Namespace) -> None:
     """Measure a network in scenes and compare it with simple methods."""
-    settings = EvaluationSettings(
-        moving_mps=arguments.moving_mps,
-        collision_m=arguments.collision_m,
-        bootstrap=arguments.samples,
-        seed=arguments.seed,
-    )
-    tracker = read_tracker(arguments.tracker) if isinstance(arguments.tracker, Path) else arguments.tracker
-    called = unique_names([(path.stem, path) for path in arguments.forecasts], taken=ALWAYS)
-    foreign = {
-        name: read_forecasts(path, arguments.step_s)
-        for name, path in zip(called, arguments.forecasts, strict=True)
-    }
-    each = [_measure(path, arguments, tracker, settings, foreign) for path in arguments.scene]
-    names = unique_names([(one.name, one.path) for one in each])
-    scores: Assessed = {name: one.scores for name, one in zip(names, each, strict=True)}
+    settings: EvaluationSettings = arguments.settings
+    each = [_measure(path, arguments, settings) for path in arguments.scene]
+    names = _unique_names([(one.name, one.path) for one in each])
+    scores = {name: one.scores for name, one in zip(names, each, strict=True)}
     if len(scores) > 1:
-        _add_pool(scores)
+        whole = "all" if "all" not in scores else "all scenes"
+        methods = each[0].scores
+        scores[whole] = {method: pool_scores([one.scores[method] for one in each]) for method in methods}
     figures = {name: summarise_methods(recorded, STRONGEST, settings) for name, recorded in scores.items()}
     for name, rows in figures.items():
         shown = protocol_table if arguments.protocol else partial(metric_table, rows=rows)
@@ -107,38 +95,55 @@ def evaluate(arguments: argparse.Namespace) -> None:
         write_json(arguments.json, figures)
 
 
-def _measure(
-    path: Path,
-    arguments: argparse.Namespace,
-    tracker: KalmanSettings | str | None,
-    settings: EvaluationSettings,
-    foreign: Mapping[str, ForeignForecasts],
-) -> _Measured:
+def _measure(path: Path, arguments: argparse.Namespace, settings: EvaluationSettings) -> _Measured:
     """Read and score one recording under the given conditions; metrics that do not apply are NaN."""
-    options = arguments.options
-    recording = open_recording(path, options)
+    recording = open_recording(path, arguments.options)
     scene = recording.scene
     place = placement(scene.trajectories.position, scene.occupancy)
-    foreign = {name: forecasts.of_tracks(recording.names) for name, forecasts in foreign.items()}
-    if options.transform is not None:  # the people of the scene were moved when it was read
-        foreign = {name: forecasts.moved(options.transform) for name, forecasts in foreign.items()}
-    fitted = _tuned(scene) if isinstance(tracker, str) else tracker
-    by_itself = arguments.alone or arguments.protocol is not None  # then the other people are unknown
-    predictor = predictor_for(scene, arguments.model, fitted, learn_trust=arguments.trust and not by_itself)
+    called = _unique_names([(file.stem, file) for file in arguments.forecasts], taken=ALWAYS)
+    read = (read_forecasts(file, arguments.step_s, recording.names) for file in arguments.forecasts)
+    foreign = dict(zip(called, read, strict=True))
+    if (transform := arguments.options.transform) is not None:  # the people were moved when they were read
+        foreign = {name: forecasts.to_map(transform) for name, forecasts in foreign.items()}
+    learn_trust = arguments.trust and not (arguments.alone or arguments.protocol)  # which needs other people
+    predictor = predictor_for(scene, arguments.model, _tracker(arguments, scene), learn_trust=learn_trust)
     if arguments.alone:
-        isolated = IsolatedTracks.of(scene.trajectories)
-        scene = replace(scene, trajectories=isolated.shifted(scene.trajectories))
-        foreign = {name: isolated.shifted(forecasts) for name, forecasts in foreign.items()}
+        shift_s = isolating_shifts(scene.trajectories)
+        scene = replace(scene, trajectories=shift_times(scene.trajectories, shift_s))
+        foreign = {name: shift_times(forecasts, shift_s) for name, forecasts in foreign.items()}
     if arguments.protocol:
         scores = assess_windows(scene, predictor, arguments.model is not None, settings, foreign)
     else:
-        answered = partial(answered_by_all, foreign) if foreign else None
+        answered = partial(has_all_forecasts, foreign) if foreign else None
         metrics = None if arguments.json else {key: METRICS[key] for key in SHOWN}
         scores = assess(scene, predictor, settings, None, foreign, answered, metrics)
     for measured in scores.values():
         for key in measured.values.keys() & _without_meaning(scene, arguments):
             measured.values[key][:] = np.nan  # in this scene; another one of the pool may have it
     return _Measured(scene.name, path, scores, place)
+
+
+def _unique_names(named: Sequence[tuple[str, Path]], taken: Collection[str] = ()) -> list[str]:
+    """Names of files: one that appears twice, or is taken, is followed by the file's path.
+
+    Raises:
+        ValueRuleError: a file is there twice.
+    """
+    count = Counter([*taken, *(name for name, _ in named)])
+    names = [name if count[name] == 1 else f"{name} ({path})" for name, path in named]
+    if len(set(names)) < len(names):
+        raise ValueRuleError("name", names, "two inputs have the same: give each once")
+    return names
+
+
+def _tracker(arguments: argparse.Namespace, scene: Scene) -> KalmanSettings | None:
+    """The tracker that is asked for; one that is fitted to its recording flatters all methods a little."""
+    if arguments.tracker != TUNE:
+        return None if arguments.tracker is None else read_tracker(arguments.tracker)
+    fitted = tune_kalman(scene.trajectories, max(1, round(_TUNED_AHEAD_S / scene.detection_dt_s)))
+    values = ", ".join(f"{name}: {value:.4f}" for name, value in vars(fitted).items())
+    _log.info("%s: tracker fitted to this recording itself: {%s}", scene.name, values)
+    return fitted
 
 
 def _without_meaning(scene: Scene, arguments: argparse.Namespace) -> set[str]:
@@ -150,47 +155,14 @@ def _without_meaning(scene: Scene, arguments: argparse.Namespace) -> set[str]:
     return obstacles
 
 
-@dataclass(frozen=True)
-class IsolatedTracks:
-    """Time shifts that put tracks one after the other, so that each person is alone.
-
-    Attributes:
-        track_id: rising. [T]
-        shift_s: of each track, s. [T]
-    """
-
-    track_id: np.ndarray
-    shift_s: np.ndarray
-
-    @classmethod
-    def of(cls, people: Trajectories) -> IsolatedTracks:
-        """Find the shifts of the people of a scene."""
-        track_id, row = np.unique(people.track_id, return_inverse=True)
-        first, last = np.full(len(track_id), np.inf), np.full(len(track_id), -np.inf)
-        np.minimum.at(first, row, people.time_s)
-        np.maximum.at(last, row, people.time_s)
-        return cls(track_id, np.cumsum(last - first + _PAUSE_S) - last)
-
-    def shifted(self, timed: Timed) -> Timed:
-        """Detections or forecasts at their new times; those of tracks that are not in the scene stay."""
-        row = np.searchsorted(self.track_id, timed.track_id).clip(max=len(self.track_id) - 1)
-        shift_s = np.where(self.track_id[row] == timed.track_id, self.shift_s[row], 0.0)
-        return replace(timed, time_s=timed.time_s + shift_s)
+def isolating_shifts(people: Trajectories) -> Mapping[int, float]:
+    """Time shifts that put tracks one after the other, so that each person is alone: track -> s."""
+    spans = pd.Series(people.time_s).groupby(people.track_id).agg(["min", "max"])
+    lasting = spans["max"] - spans["min"] + _PAUSE_S
+    return (lasting.cumsum() - spans["max"]).to_dict()
 
 
-def _tuned(scene: Scene) -> KalmanSettings:
-    """Fit the tracker to the recording that it is used for, which flatters all methods a little."""
-    ahead = max(1, round(_TUNED_AHEAD_S / scene.detection_dt_s))
-    fitted = tune_kalman(scene.trajectories, ahead)
-    values = ", ".join(f"{name}: {value:.4f}" for name, value in vars(fitted).items())
-    _log.info("%s: tracker fitted to this recording itself: {%s}", scene.name, values)
-    return fitted
-
-
-def _add_pool(scores: Assessed) -> None:
-    """Add all scenes together, under a name that no scene has."""
-    name = "all"
-    while name in scores:
-        name += " scenes"
-    methods = next(iter(scores.values()))
-    scores[name] = {method: pool_scores([place[method] for place in scores.values()]) for method in methods}
+def shift_times(timed: Timed, shift_s: Mapping[int, float]) -> Timed:
+    """Detections or forecasts at later times; those of other tracks stay."""
+    shifts = pd.Series(timed.track_id).map(shift_s).fillna(0.0).to_numpy()
+    return replace(timed, time_s=timed.time_s + shifts)

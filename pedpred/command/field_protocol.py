@@ -10,16 +10,17 @@ from functools import partial
 import numpy as np
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
-from pedpred.command.foreign import ForeignForecasts, answered_by_all
-from pedpred.command.tables import aligned
+from pedpred.command.foreign import ForeignForecasts, has_all_forecasts
+from pedpred.command.tables import align_columns
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import MetricSettings, Scores
-from pedpred.forecasting import ForecastRequest
-from pedpred.literature.measures import BEST_ADE, BEST_FDE, measure
-from pedpred.literature.settings import WindowSettings
-from pedpred.literature.windows import WindowSet, find_windows
+from pedpred.evaluation import MetricSettings, Scores, given, measure
+from pedpred.evaluation.measure import BEST_ADE, BEST_FDE
+from pedpred.evaluation.observed import WindowSettings, find_observed_windows
+from pedpred.features.perception import Perception
+from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.online.assessment import NETWORK
 from pedpred.online.batch import predictions_in_blocks
+from pedpred.online.network import ModelDescription
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.scenes import Predictions, Scene
 
@@ -37,7 +38,7 @@ _LOG = logging.getLogger(__name__)
 def assess_windows(
     scene: Scene,
     predictor: OnlinePredictor,
-    wanted: bool,
+    is_named: bool,
     settings: MetricSettings,
     foreign: Mapping[str, ForeignForecasts],
 ) -> dict[str, Scores]:
@@ -46,7 +47,7 @@ def assess_windows(
     Args:
         scene: annotations every 0.4 s.
         predictor: with the model, whose tracker simple methods use, too.
-        wanted: the user named the model, so that one of another time step or horizon is an error.
+        is_named: the user named the model, so that one of another time step or horizon is an error.
         settings: thresholds of the metrics.
         foreign: forecasts of other programs by name; windows without one in each of them are left out.
 
@@ -56,31 +57,38 @@ def assess_windows(
     """
     if abs(scene.detection_dt_s - WINDOWS.step_s) > _SAME_S:
         rule = f"this protocol needs annotations every {WINDOWS.step_s:g} s"
-        raise ValueRuleError("--protocol", f"{scene.name}, every {scene.detection_dt_s:g} s", rule)
+        raise ValueRuleError("protocol", f"{scene.name}, every {scene.detection_dt_s:g} s", rule)
     about = predictor.description
-    windows = find_windows(scene, WINDOWS, predictor.filters, about.standstill_mps, memory=False)
+    how = Perception(predictor.filters, about.standstill_mps)
+    windows = find_observed_windows(scene, how, WINDOWS, memory=False)
     # Files of forecasts have the ids and times of the recording, windows their own.
-    recorded = replace(windows.request.asked, track_id=windows.track, time_s=windows.end_s)
-    named = replace(windows.request, table=recorded, rows=np.arange(len(windows.track)), tracks=None)
+    recorded = replace(windows.request.asked, track_id=windows.track, time_s=windows.time_s)
+    named = replace(windows.request, table=recorded, rows=np.arange(len(windows)), tracks=None)
     if foreign:
-        kept = answered_by_all(foreign, named)
-        request = replace(windows.request, rows=windows.request.rows[kept])
-        windows = WindowSet(request, windows.truth[kept], windows.track[kept], windows.end_s[kept])
-        named = replace(named, rows=named.rows[kept])
-    scores = {key: measure(windows, make(), SAMPLES, settings) for key, make in PRESENT_MOTION.items()}
+        kept = has_all_forecasts(foreign, named)
+        windows, named = windows.select(kept), replace(named, rows=named.rows[kept])
+    methods: dict[str, Forecaster] = {key: make() for key, make in PRESENT_MOTION.items()}
+    if _fits(about, is_named):
+        methods[NETWORK] = partial(_forecast, predictor)
+    methods |= {name: given(forecasts(named)) for name, forecasts in foreign.items()}
+    return measure(windows, methods, settings, samples=SAMPLES)
+
+
+def _fits(about: ModelDescription, is_named: bool) -> bool:
+    """Whether a model has the steps of the protocol.
+
+    Raises:
+        ValueRuleError: the model that the user named has not.
+    """
     sizes = about.protocol
-    fits = (sizes.dt_s, sizes.horizon_steps) == (WINDOWS.step_s, WINDOWS.predicted_steps)
-    if fits and not about.memory:
-        scores[NETWORK] = measure(windows, partial(_forecast, predictor), SAMPLES, settings)
-    else:
-        has = f"{sizes.horizon_steps} steps of {sizes.dt_s:g} s" + (" and a memory" if about.memory else "")
-        rule = f"this protocol needs {WINDOWS.predicted_steps} steps of {WINDOWS.step_s:g} s, without memory"
-        if wanted:
-            raise ValueRuleError("--model", has, rule)
-        _LOG.info("the default model is left out: it forecasts %s, and %s", has, rule)
-    for name, forecasts in foreign.items():
-        scores[name] = measure(windows, partial(_answer, forecasts(named)), SAMPLES, settings)
-    return scores
+    if (sizes.dt_s, sizes.horizon_steps) == (WINDOWS.step_s, WINDOWS.predicted_steps) and not about.memory:
+        return True
+    has = f"{sizes.horizon_steps} steps of {sizes.dt_s:g} s{' and a memory' if about.memory else ''}"
+    rule = f"this protocol needs {WINDOWS.predicted_steps} steps of {WINDOWS.step_s:g} s, without memory"
+    if is_named:
+        raise ValueRuleError("model", has, rule)
+    _LOG.info("the default model is left out: it forecasts %s, and %s", has, rule)
+    return False
 
 
 def _forecast(predictor: OnlinePredictor, request: ForecastRequest) -> Predictions:
@@ -88,11 +96,6 @@ def _forecast(predictor: OnlinePredictor, request: ForecastRequest) -> Predictio
     blocks = predictions_in_blocks(predictor, request, f"forecast {request.scene.name}")
     which, parts = zip(*blocks, strict=True)
     return Predictions.join(parts).select(np.argsort(np.concatenate(which)))
-
-
-def _answer(predictions: Predictions, request: ForecastRequest) -> Predictions:
-    """Forecasts that were made for these windows."""
-    return predictions
 
 
 def protocol_table(name: str, scores: Mapping[str, Scores]) -> str:
@@ -103,4 +106,4 @@ def protocol_table(name: str, scores: Mapping[str, Scores]) -> str:
         cells.append([method, *("-" if np.isnan(mean) else f"{mean:.3f}" for mean in means)])
     count = len(next(iter(scores.values())).track)
     about = f"{name}: {count} windows of {WINDOWS.observed_steps} + {WINDOWS.predicted_steps} annotations"
-    return aligned(about, cells)
+    return align_columns(about, cells)

@@ -8,16 +8,16 @@ import numpy as np
 import pandas as pd
 
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.files import atomic_write, check_input
-from pedpred.reading.errors import ContentError, add_path
-from pedpred.reading.head import Head
+from pedpred.files import atomic_write
+from pedpred.reading.errors import ContentError
 from pedpred.reading.names import TrackNames
-from pedpred.reading.table import column_titles, is_columnar, read_columnar
+from pedpred.storage.columns import count_rows
 from pedpred.storage.tracks import MOST_NUMBERS
 
 COLUMNS = ("track", "time", "mode", "weight", "step", "x", "y")
 """A row per step of each mode: of which track, made when (s), and where the person will be (world, m)."""
-SUFFIXES = (".csv", ".parquet")
+PARQUET = ".parquet"
+SUFFIXES = (".csv", PARQUET)
 _MOST_ROWS = MOST_NUMBERS // len(COLUMNS)
 
 
@@ -49,7 +49,7 @@ def write_forecasts(
     """Write `forecast_table` as CSV (to 0.1 mm) or, where the name ends in .parquet, as Parquet (exactly)."""
     table = forecast_table(windows, method, names)
     with atomic_write(path) as new:
-        if path.suffix == ".parquet":
+        if path.suffix == PARQUET:
             table.to_parquet(new, index=False, compression="zstd")
         else:
             table.to_csv(new, index=False, float_format="%.4f")
@@ -59,34 +59,26 @@ def read_forecast_table(path: Path) -> pd.DataFrame:
     """Read the columns `COLUMNS` of a CSV or Parquet file; tracks are text or numbers, others finite numbers.
 
     Raises:
-        InputError: a column is missing or holds something else; the message names the row, from 1.
+        ContentError: a column is missing or holds something else; the message names the row, from 1.
     """
-    check_input(path)
-    with add_path(path):
-        columnar = is_columnar(Head.of(path).raw)
-        titles = column_titles(path) if columnar else [*pd.read_csv(path, nrows=0).columns]
-        if missing := [name for name in COLUMNS if name not in titles]:
-            problem = f"no column {missing[0]}; there are {', '.join(map(str, titles))[:200]}"
-            raise ContentError(problem, f"The header is {','.join(COLUMNS)}")
-        if columnar:
-            table = read_columnar(path, {name: name for name in COLUMNS}).to_pandas()
-        else:
-            most = _MOST_ROWS + 1
-            table = pd.read_csv(path, dtype={"track": str}, keep_default_na=False, nrows=most)[list(COLUMNS)]
-            if len(table) > _MOST_ROWS:
-                raise ContentError(f"more than {_MOST_ROWS} rows", "Divide the file")
-        for name in COLUMNS[1:]:
-            table[name] = _finite(table[name], whole=name in ("mode", "step"))
-        _check(table["track"], table["track"].notna() & (table["track"] != ""), "an id")
-        return table
-
-
-def _finite(column: pd.Series, whole: bool) -> pd.Series:
-    values = pd.to_numeric(column, errors="coerce").astype(float)
-    _check(column, values.notna() & (values.abs() < np.inf), "a finite number")
-    if whole:
-        _check(column, values % 1 == 0, "a whole number")
-    return values
+    if path.suffix == PARQUET:
+        rows = count_rows(path)
+        table = pd.read_parquet(path) if rows <= _MOST_ROWS else pd.DataFrame()
+    else:
+        table = pd.read_csv(path, dtype={"track": str}, keep_default_na=False, nrows=_MOST_ROWS + 1)
+        rows = len(table)
+    if rows > _MOST_ROWS:
+        raise ContentError(f"more than {_MOST_ROWS} rows", "Divide the file")
+    if missing := [name for name in COLUMNS if name not in table]:
+        problem = f"no column {missing[0]}; there are {', '.join(map(str, table.columns))[:200]}"
+        raise ContentError(problem, f"The header is {','.join(COLUMNS)}")
+    _check(table["track"], table["track"].notna() & (table["track"] != ""), "an id")
+    numbers = table[[*COLUMNS[1:]]].apply(pd.to_numeric, errors="coerce").astype(float)
+    for name in numbers:
+        _check(table[name], np.isfinite(numbers[name]), "a finite number")
+    for name in ("mode", "step"):
+        _check(table[name], numbers[name] % 1 == 0, "a whole number")
+    return numbers.assign(track=table["track"])
 
 
 def _check(column: pd.Series, right: pd.Series, expected: str) -> None:

@@ -41,7 +41,7 @@ def check_prediction(arguments: argparse.Namespace) -> None:
         raise ValueRuleError("output", str(arguments.output), rule)
     if arguments.grid is not None and arguments.output.suffix in SUFFIXES:
         rule = "a table has no occupancy: the output must end in .mcap"
-        raise ValueRuleError("--grid", arguments.grid, rule)
+        raise ValueRuleError("grid", arguments.grid, rule)
 
 
 def predict(arguments: argparse.Namespace) -> None:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Set
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from mcap.writer import MCAP0_MAGIC
 
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.files import check_input
 from pedpred.reading import Recording, read_recording
-from pedpred.reading.checks import check_interval, check_speeds
+from pedpred.reading.checks import check
 from pedpred.reading.errors import add_path
 from pedpred.reading.geometry import is_geometry, read_ground, read_walls
 from pedpred.reading.head import Head
@@ -27,7 +27,8 @@ from pedpred.settings import check_choice
 from pedpred.sources.scene_folder import read_own
 from pedpred.storage.maps import read_map
 
-_MAP_BESIDE, _MOST_OUTSIDE = "map.yaml", 0.5
+_MOST_OUTSIDE = 0.5
+_OF_EVERY_KIND = ("transform", "map", "no_map", "open_ends")
 _log = logging.getLogger(__name__)
 
 Edge = tuple[tuple[float, float], tuple[float, float]]
@@ -35,7 +36,7 @@ Edge = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class OpenOptions:
-    """What a recording does not say itself.
+    """What a recording does not contain itself.
 
     Attributes:
         file: about files of tracks, and classes of people.
@@ -65,12 +66,6 @@ class OpenOptions:
             if value := getattr(self, name):
                 raise ValueRuleError(name, value, "--no-map (no_map) leaves every map out: omit one of them")
 
-    def given(self) -> dict[str, Any]:
-        """Fields that are not at their defaults, also those of `file`."""
-        usual = vars(ReadOptions()) | vars(OpenOptions())
-        values = vars(self.file) | vars(self)
-        return {name: values[name] for name in OPEN_FIELDS if values[name] != usual[name]}
-
 
 OPEN_FIELDS = tuple(one.name for one in (*fields(OpenOptions), *fields(ReadOptions)) if one.name != "file")
 """Fields of `OpenOptions` and of its `file`."""
@@ -86,7 +81,7 @@ def open_recording(path: Path, options: OpenOptions | None = None) -> Recording:
 
     Args:
         path: the content of a file determines its format, the name that of bags.
-        options: what it does not say itself.
+        options: what it does not contain itself.
 
     Raises:
         InputError: the file is missing, damaged or of another format.
@@ -94,14 +89,87 @@ def open_recording(path: Path, options: OpenOptions | None = None) -> Recording:
     """
     options = options or OpenOptions()
     check_input(path)
-    kind = _kind_of(path, options.file.one_person_per_file)
-    for name, value in options.given().items():
-        if name not in kind.uses:
-            raise ValueRuleError(name, value, f"{path} is a {kind.name}, which does not use it: omit it")
-    recording = kind.read(path, options)
-    scene = replace(recording.scene, occupancy=_ground_of(kind, path, options, recording))
+    if not options.file.one_person_per_file and _is_bag(path):
+        _check_unused(f"{path} is a ROS bag", options.file, ReadOptions(), {"classes", "any_speed"})
+        recording = _read_bag(path, options)
+    else:
+        _check_unused(f"{path} is no ROS bag", options, OpenOptions(), {"file", *_OF_EVERY_KIND})
+        if path.is_dir() and not options.file.one_person_per_file:
+            _check_unused(f"{path} is a scene folder", options.file, ReadOptions(), {"any_speed"})
+            recording = _read_folder(path)
+        else:
+            has_map = options.map is not None or options.no_map
+            recording = read_recording(path, options.file, with_walls=not has_map)
+        recording = _move(recording, options.transform)
+    scene = replace(recording.scene, occupancy=_ground_of(path, options, recording))
     checked_placement(scene)
     return replace(recording, scene=scene)
+
+
+def _is_bag(path: Path) -> bool:
+    if is_bag(path) or path.suffix == ".mcap":
+        return True
+    return not path.is_dir() and Head.of(path).raw.startswith(MCAP0_MAGIC)
+
+
+def _check_unused(kind: str, options: Any, usual: Any, used: Set[str]) -> None:
+    """Refuse options that a kind of recordings does not use."""
+    for name, value in vars(options).items():
+        if name not in used and value != getattr(usual, name):
+            raise ValueRuleError(name, value, f"{kind}, which does not use it: omit it")
+
+
+def _read_folder(path: Path) -> Recording:
+    if not any((path / name).exists() for name in ("scene.json", "tracks.parquet")):
+        remedy = "Name one of the files in it, or read all of them with --one-person-per-file"
+        raise InputError(path, None, "a folder with no scene and no bag", remedy)
+    names = TrackNames()
+    scene = read_own(path, names)
+    with add_path(path):
+        check(scene.trajectories, str(path), any_speed=True)
+    return Recording(scene, names, "scene folder")
+
+
+def _read_bag(path: Path, options: OpenOptions) -> Recording:
+    names = TrackNames()
+    map_topic = "" if options.map is not None or options.no_map else options.map_topic
+    classes = options.file.classes or PERSON_CLASSES
+    topics = (options.topic, options.transform, map_topic)
+    scene = read_bag(path, *topics, classes, names.of_number, options.people, options.identities)
+    return Recording(scene, names, "ROS bag")
+
+
+def _move(recording: Recording, transform: Transform | None) -> Recording:
+    """The people in the frame of the map; ground without obstacles moves with them."""
+    if transform is None:
+        return recording
+    scene, people = recording.scene, transform.moved(recording.scene.trajectories)
+    has_map = scene.occupancy.occupied.any()
+    ground = scene.occupancy if has_map else OccupancyMap.free_around(people.position)
+    return replace(recording, scene=replace(scene, trajectories=people, occupancy=ground))
+
+
+def _ground_of(path: Path, options: OpenOptions, recording: Recording) -> OccupancyMap:
+    """The map that the options name, or that of the recording, or the map.yaml beside a file of tracks."""
+    position, own = recording.scene.trajectories.position, recording.scene.occupancy
+    if options.no_map:
+        return OccupancyMap.free_around(position)
+    if options.map is not None:
+        return read_ground_at(options.map, options.open_ends)
+    if options.open_ends:
+        if recording.walls is None:
+            rule = "it needs a geometry: --map walls.xml or .wkt, or a recording that has one"
+            raise ValueRuleError("open_ends", options.open_ends, rule)
+        return read_ground(path, recording.walls, options.open_ends)
+    beside = path.with_name("map.yaml")
+    if own.occupied.any() or _is_bag(path) or path.is_dir() or not beside.exists():
+        return own
+    ground = read_map(beside)
+    if placement(position, ground).outside > _MOST_OUTSIDE:
+        _log.warning("%s beside %s is not used: the people are elsewhere", beside, path.name)
+        return own
+    _log.info("%s has no obstacles: %s beside it is used; --no-map leaves it out", path.name, beside)
+    return ground
 
 
 def read_ground_at(path: Path, open_ends: tuple[Edge, ...] = ()) -> OccupancyMap:
@@ -128,90 +196,3 @@ def warn_without_obstacles(scene: Scene, options: OpenOptions) -> None:
     if not (scene.occupancy.occupied.any() or options.no_map):
         remedy = "Name a map with --map, or say --no-map"
         _log.warning("%s has no obstacles: forecasts go through walls. %s", scene.name, remedy)
-
-
-def _read_tracks(path: Path, options: OpenOptions) -> Recording:
-    recording = read_recording(path, options.file, with_walls=options.map is None and not options.no_map)
-    return _moved(recording, options.transform)
-
-
-def _read_folder(path: Path, options: OpenOptions) -> Recording:
-    if not any((path / name).exists() for name in ("scene.json", "tracks.parquet")):
-        files = sorted(file.name for file in path.iterdir() if file.is_file() and file.name[0] != ".")
-        remedy = "It holds no files"
-        if files:
-            remedy = f"Name one of its files, such as {path / files[0]}, or say --one-person-per-file"
-        raise InputError(path, None, "a folder with no scene and no bag", remedy)
-    names = TrackNames()
-    scene = read_own(path, names)
-    with add_path(path):
-        check_interval(scene.detection_dt_s)
-    check_speeds(str(path), scene.trajectories, any_speed=True)
-    return _moved(Recording(scene, names, "scene folder"), options.transform)
-
-
-def _read_bag(path: Path, options: OpenOptions) -> Recording:
-    names = TrackNames()
-    map_topic = "" if options.map is not None or options.no_map else options.map_topic
-    classes = options.file.classes or PERSON_CLASSES
-    topics = (options.topic, options.transform, map_topic)
-    scene = read_bag(path, *topics, classes, names.of_number, options.people, options.identities)
-    return Recording(scene, names, "ROS bag")
-
-
-class _Kind(NamedTuple):
-    """A kind of recordings: its name, how one is read, and the options that it uses."""
-
-    name: str
-    read: Callable[[Path, OpenOptions], Recording]
-    uses: frozenset[str]
-
-
-_ALWAYS = frozenset({"transform", "map", "no_map", "open_ends", "any_speed"})
-_FILE = frozenset(one.name for one in fields(ReadOptions))
-_TRACKS = _Kind("file of tracks", _read_tracks, _ALWAYS | _FILE)
-_FOLDER = _Kind("scene folder", _read_folder, _ALWAYS)
-_BAG = _Kind("ROS bag", _read_bag, _ALWAYS | {"topic", "map_topic", "classes", "people", "identities"})
-
-
-def _kind_of(path: Path, one_person_per_file: bool) -> _Kind:
-    if one_person_per_file:
-        return _TRACKS
-    if is_bag(path) or path.suffix == ".mcap":
-        return _BAG
-    if path.is_dir():
-        return _FOLDER
-    return _BAG if Head.of(path).raw.startswith(MCAP0_MAGIC) else _TRACKS
-
-
-def _moved(recording: Recording, transform: Transform | None) -> Recording:
-    """The people in the frame of the map; ground without obstacles moves with them."""
-    if transform is None:
-        return recording
-    scene, people = recording.scene, transform.moved(recording.scene.trajectories)
-    has_map = scene.occupancy.occupied.any()
-    ground = scene.occupancy if has_map else OccupancyMap.free_around(people.position)
-    return replace(recording, scene=replace(scene, trajectories=people, occupancy=ground))
-
-
-def _ground_of(kind: _Kind, path: Path, options: OpenOptions, recording: Recording) -> OccupancyMap:
-    """The map that the options name, or that of the recording, or the map.yaml beside a file of tracks."""
-    position, own = recording.scene.trajectories.position, recording.scene.occupancy
-    if options.no_map:
-        return OccupancyMap.free_around(position)
-    if options.map is not None:
-        return read_ground_at(options.map, options.open_ends)
-    if options.open_ends:
-        if recording.walls is None:
-            rule = "it needs a geometry: --map walls.xml or .wkt, or a recording that has one"
-            raise ValueRuleError("open_ends", options.open_ends, rule)
-        return read_ground(path, recording.walls, options.open_ends)
-    beside = path.with_name(_MAP_BESIDE)
-    if own.occupied.any() or kind is not _TRACKS or path.is_dir() or not beside.exists():
-        return own
-    ground = read_map(beside)
-    if placement(position, ground).outside > _MOST_OUTSIDE:
-        _log.warning("%s beside %s is not used: the people are elsewhere", beside, path.name)
-        return own
-    _log.info("%s has no obstacles: %s beside it is used; --no-map leaves it out", path.name, beside)
-    return ground

@@ -35,8 +35,7 @@ def warm_up_commands(arguments: argparse.Namespace) -> None:
     begun_s = time.monotonic()
     warm_up(arguments.model)
     try:
-        from pedpred.evaluation import EvaluationSettings
-        from pedpred.evaluation.windows import ask_about_windows
+        from pedpred.evaluation import EvaluationSettings, find_windows
         from pedpred.features.perception import Perception
         from pedpred.online.assessment import assess
     except ModuleNotFoundError:  # of the extra `files`: no other command runs here
@@ -45,7 +44,7 @@ def warm_up_commands(arguments: argparse.Namespace) -> None:
     scene = Scene("warm-up", people, occupancy, 0.1)
     assess(scene, predictor, EvaluationSettings(bootstrap=1))
     how = Perception(predictor.filters, predictor.description.standstill_mps)
-    request = ask_about_windows(scene, how, predictor.protocol, memory=False)
+    request = find_windows(scene, how, predictor.protocol, memory=False).request
     for features in FEATURES.values():  # of models of other kinds, too
         request.inputs(features(), request.rows, request.table.time_s[request.rows])
     say_where(begun_s)

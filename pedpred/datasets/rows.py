@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pedpred.errors import InputError, ShapeError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError, shape_error
 from pedpred.models.features import RowFormat
 from pedpred.models.lstm.encoding import EMBEDDED
 from pedpred.rows.files import read_embeddings, read_manifest, read_shard
@@ -208,10 +208,10 @@ class _Columns:
         """Everything that was added.
 
         Raises:
-            ShapeError: nothing was.
+            ValueRuleError: nothing was.
         """
         if not self.mapped:
-            raise ShapeError("future", (), "at least one block of rows")
+            raise shape_error("future", (), "at least one block of rows")
         tensors = {name: torch.from_numpy(rows.array()) for name, rows in self.mapped.items()}
         future, future_steps = tensors.pop("future"), tensors.pop("future_steps")
         spans = Spans(*(np.concatenate(column) for column in zip(*self.spans, strict=True)))

@@ -12,6 +12,7 @@ from pedpred.compiled import compiled
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap
 from pedpred.simulation.ground import ground_of
+from pedpred.simulation.physics import value_at
 from pedpred.simulation.routing import clearance_grid, travel_time, walking_speed, without_pockets
 from pedpred.simulation.settings import RoutingSettings
 
@@ -112,18 +113,6 @@ def part_at(parts: np.ndarray, walls: Walls, point: np.ndarray) -> int:
 
 def _routing(radius_m: float) -> RoutingSettings:
     return RoutingSettings(_CELL_M, radius_m + 0.1, radius_m + 0.5, 0.6)
-
-
-@compiled
-def value_at(grid, origin, cell_m, x, y):  # pragma: no cover (compiled)
-    """Interpolate a grid bilinearly at a point in the world; constant beyond the outermost centres."""
-    u = min(max((x - origin[0]) / cell_m - 0.5, 0.0), grid.shape[0] - 1.0)
-    v = min(max((y - origin[1]) / cell_m - 0.5, 0.0), grid.shape[1] - 1.0)
-    i, j = min(int(u), grid.shape[0] - 2), min(int(v), grid.shape[1] - 2)
-    u, v = u - i, v - j
-    low = (1 - v) * grid[i, j] + v * grid[i, j + 1]
-    high = (1 - v) * grid[i + 1, j] + v * grid[i + 1, j + 1]
-    return (1 - u) * low + u * high
 
 
 @compiled

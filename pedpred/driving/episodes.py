@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -17,17 +17,16 @@ from pedpred.driving.course import (
     course_to,
     part_at,
     route,
-    value_at,
     walls_of,
 )
-from pedpred.driving.people import Crowd, RecordedPeople, Replay, Window
+from pedpred.driving.crowds import MovingCrowd, RecordedPeople, ReplayedCrowd
 from pedpred.driving.planner import PlannerSettings, check_braking
 from pedpred.driving.robot import Robot
-from pedpred.driving.sensor import Faults, SensorSettings
-from pedpred.driving.walkers import Walkers
+from pedpred.driving.sensor import Faults, RobotSensor
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene
 from pedpred.settings import In, Settings
+from pedpred.simulation.physics import value_at
 
 _TRIES = 20_000
 _MOST_ROUTES = 1000  # are computed, which takes longer than all else
@@ -35,6 +34,9 @@ _CLEAR_M = 1.2  # nobody is nearer at the start
 _MEET_M = 0.8  # somebody comes so near to a robot that would drive the route at full speed
 _BESIDE_M = 1.0  # the robot stays so near to where people were recorded: farther off nobody is known
 _AFTER_S = 3.0  # the true future is known so long after an episode
+_WRONG_LENGTH = "of another length, or too late"
+_NOBODY_NEAR = "nobody comes near"
+_BLOCKED = "blocked by walls"
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,33 @@ class EpisodeSettings(Settings):
     distance_m: Annotated[tuple[float, float], In("[1, 1000]")] = (5.0, 10.0)
     watching_s: Annotated[float, In("[0, 60]")] = 2.0
     patience_s: Annotated[float, In("[0, 600]")] = 20.0
+
+
+@dataclass(frozen=True)
+class DriveSettings:
+    """Everything that a drive depends on, besides its place, method and number.
+
+    Attributes:
+        robot: that drives.
+        planner: with the limit of risk.
+        sensor: on the robot.
+        episodes: which are drawn.
+        seed: of all random numbers.
+        shown: whether the forecaster is told where the robot is, as one more person.
+
+    Raises:
+        ValueRuleError: the robot brakes for longer than a manoeuvre lasts.
+    """
+
+    robot: Robot = Robot()  # noqa: RUF009
+    planner: PlannerSettings = PlannerSettings()  # noqa: RUF009
+    sensor: RobotSensor = RobotSensor()  # noqa: RUF009
+    episodes: EpisodeSettings = EpisodeSettings()
+    seed: int = 0
+    shown: bool = False
+
+    def __post_init__(self) -> None:
+        check_braking(self.robot, self.planner)
 
 
 @dataclass(frozen=True)
@@ -101,10 +130,9 @@ class Episode:
         course: to the goal.
         route_m: length of the route.
         watching: instants at which the robot stands and watches.
-        window: the recorded people of the episode, and of some seconds after it.
+        people: at the first instant; recorded ones are known for some seconds more than the episode.
         faults: of the sensor.
         ticks: instants at most, those of watching included.
-        walkers: people who react, at the first instant; None: the recorded ones.
     """
 
     number: int
@@ -114,19 +142,13 @@ class Episode:
     course: Course
     route_m: float
     watching: int
-    window: Window
+    people: MovingCrowd
     faults: Faults
     ticks: int
-    walkers: Walkers | None = None
 
-    def crowd(self) -> Crowd:
+    def crowd(self) -> MovingCrowd:
         """The people of one drive, at its first instant."""
-        return Replay(self.window) if self.walkers is None else self.walkers.copied()
-
-    def among(self, walkers: Walkers, settings: DriveSettings, key: list[int]) -> Episode:
-        """The same episode among people who react; `key`: seeds of the sensor's faults."""
-        rng = np.random.default_rng([*key, 1])
-        return replace(self, walkers=walkers, faults=Faults.draw(self.ticks, len(walkers.track_id), rng))
+        return self.people.copied()
 
 
 class NobodyMetError(ValueRuleError):
@@ -164,46 +186,76 @@ def draw_episode(
     Raises:
         NobodyMetError: no such episode is found.
     """
-    robot, planner, settings = drives.robot, drives.planner, drives.episodes
-    rng = np.random.default_rng([drives.seed, number])
-    watching, dt_s = round(settings.watching_s / planner.dt_s), planner.dt_s
-    low_m, high_m = settings.distance_m
-    parts, refused = connected_parts(place.walls, robot.radius_m), Counter[str]()
+    rng, refused = np.random.default_rng([drives.seed, number]), Counter[str]()
+    parts = connected_parts(place.walls, drives.robot.radius_m)
     for _ in range(tries):
-        if refused["nobody comes near"] == _MOST_ROUTES:
+        if refused[_NOBODY_NEAR] == _MOST_ROUTES:
             break
-        (tick, _), (_, start), (_, goal) = (place.people.anywhere(rng) for _ in range(3))
-        if not low_m <= np.hypot(*(goal - start)) <= high_m or tick * dt_s > last_s:
-            refused["of another length, or too late"] += 1
+        (tick, _), (_, start), (_, goal) = (place.people.draw_place(rng) for _ in range(3))
+        if tick * drives.planner.dt_s > last_s:
+            refused[_WRONG_LENGTH] += 1
             continue
-        if not _has_room(place.walls, start, goal, robot):
-            refused["too near walls"] += 1
-            continue
-        one, other = (part_at(parts, place.walls, point) for point in (start, goal))
-        if one != other or not one:
-            refused["blocked by walls"] += 1
-            continue
-        if _nearest_m(place.people.window(tick, watching + 10).position[watching - 1 :], start) < _CLEAR_M:
-            refused["begin where somebody is"] += 1
-            continue
-        course = course_to(goal, place.walls, robot.radius_m)
-        way = route(course, start, planner.near_m)
-        if not len(way):
-            refused["blocked by walls"] += 1
-            continue
-        lengths = np.append(0.0, np.cumsum(np.hypot(*np.diff(way, axis=0).T)))
-        free = round(lengths[-1] / robot.speed_mps / dt_s)
-        if not _meets(place.people.window(tick + watching, free + 1), way, lengths, robot.speed_mps):
-            refused["nobody comes near"] += 1
-            continue
-        heading = float(np.arctan2(*(way[min(5, len(way) - 1)] - start)[::-1])) if len(way) > 1 else 0.0
-        ticks = watching + free + round(settings.patience_s / dt_s)
-        window = place.people.window(tick, ticks + 1 + round(_AFTER_S / dt_s))
-        faults = Faults.draw(ticks, len(window.track_id), rng)
-        return Episode(
-            number, tick, start, heading, course, float(lengths[-1]), watching, window, faults, ticks
-        )
+        found = _route_or_reason(place, parts, tick, start, goal, drives)
+        if isinstance(found, _Route):
+            return _episode_along(found, place, number, tick, drives, rng)
+        refused[found] += 1
     raise NobodyMetError("scene", place.name, drives, refused)
+
+
+class _Route(NamedTuple):
+    """A way to a goal: its points, m [R, 2], and their distance from the start along it, m [R]."""
+
+    course: Course
+    points: np.ndarray
+    lengths: np.ndarray
+
+
+def _route_or_reason(
+    place: Place, parts: np.ndarray, tick: int, start: np.ndarray, goal: np.ndarray, drives: DriveSettings
+) -> _Route | str:
+    """The way from a start to a goal, or why no robot drives it; `parts`: of the ground."""
+    robot, dt_s, watching = drives.robot, drives.planner.dt_s, _watching(drives)
+    low_m, high_m = drives.episodes.distance_m
+    if not low_m <= np.hypot(*(goal - start)) <= high_m:
+        return _WRONG_LENGTH
+    if not _has_room(place.walls, start, goal, robot):
+        return "too near walls"
+    one, other = (part_at(parts, place.walls, point) for point in (start, goal))
+    if one != other or not one:
+        return _BLOCKED
+    if _nearest_m(place.people.window(tick, watching + 10).path[watching - 1 :], start) < _CLEAR_M:
+        return "begin where somebody is"
+    course = course_to(goal, place.walls, robot.radius_m)
+    points = route(course, start, drives.planner.near_m)
+    if not len(points):
+        return _BLOCKED
+    found = _Route(course, points, np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+    people = place.people.window(tick + watching, _undisturbed(found, robot, dt_s) + 1)
+    return found if _meets(people, found, robot.speed_mps) else _NOBODY_NEAR
+
+
+def _episode_along(
+    way: _Route, place: Place, number: int, tick: int, drives: DriveSettings, rng: np.random.Generator
+) -> Episode:
+    """The episode of a robot that drives along a way."""
+    dt_s, watching, (course, points, lengths) = drives.planner.dt_s, _watching(drives), way
+    towards = points[min(5, len(points) - 1)] - points[0]
+    heading = float(np.arctan2(towards[1], towards[0]))
+    ticks = watching + _undisturbed(way, drives.robot, dt_s) + round(drives.episodes.patience_s / dt_s)
+    people = place.people.window(tick, ticks + 1 + round(_AFTER_S / dt_s))
+    faults = Faults.draw(ticks, len(people.track_id), rng)
+    length_m = float(lengths[-1])
+    return Episode(number, tick, points[0], heading, course, length_m, watching, people, faults, ticks)
+
+
+def _watching(drives: DriveSettings) -> int:
+    """Instants at which the robot stands and watches."""
+    return round(drives.episodes.watching_s / drives.planner.dt_s)
+
+
+def _undisturbed(way: _Route, robot: Robot, dt_s: float) -> int:
+    """Instants that a drive along a way takes at full speed."""
+    return round(way.lengths[-1] / robot.speed_mps / dt_s)
 
 
 def _has_room(walls: Walls, start: np.ndarray, goal: np.ndarray, robot: Robot) -> bool:
@@ -217,57 +269,9 @@ def _nearest_m(position: np.ndarray, point: np.ndarray) -> float:
     return float(np.nanmin(distance, initial=np.inf)) if np.isfinite(distance).any() else np.inf
 
 
-def _meets(window: Window, way: np.ndarray, lengths: np.ndarray, speed_mps: float) -> bool:
-    """Whether somebody comes near a robot that drives a route at full speed."""
-    travelled = np.arange(len(window.position)) * window.dt_s * speed_mps
-    robot = np.stack([np.interp(travelled, lengths, axis) for axis in way.T], axis=-1)
-    distance = np.hypot(*np.moveaxis(window.position - robot[:, None], -1, 0))
+def _meets(people: ReplayedCrowd, way: _Route, speed_mps: float) -> bool:
+    """Whether somebody comes near a robot that drives a way at full speed."""
+    travelled = np.arange(len(people.path)) * people.dt_s * speed_mps
+    robot = np.stack([np.interp(travelled, way.lengths, axis) for axis in way.points.T], axis=-1)
+    distance = np.hypot(*np.moveaxis(people.path - robot[:, None], -1, 0))
     return bool((distance < _MEET_M).any())
-
-
-@dataclass(frozen=True)
-class DriveSettings:
-    """Everything that a drive depends on, besides its place, method and number.
-
-    Attributes:
-        robot: that drives.
-        planner: with the limit of risk.
-        sensor: on the robot.
-        episodes: which are drawn.
-        seed: of all random numbers.
-        shown: whether the forecaster is told where the robot is, as one more person.
-
-    Raises:
-        ValueRuleError: the robot brakes for longer than a manoeuvre lasts.
-    """
-
-    robot: Robot = Robot()  # noqa: RUF009
-    planner: PlannerSettings = PlannerSettings()  # noqa: RUF009
-    sensor: SensorSettings = SensorSettings()  # noqa: RUF009
-    episodes: EpisodeSettings = EpisodeSettings()
-    seed: int = 0
-    shown: bool = False
-
-    def __post_init__(self) -> None:
-        check_braking(self.robot, self.planner)
-
-
-class Recording:
-    """All episodes take place in one scene, among its recorded people."""
-
-    def __init__(self, scene: Scene):
-        self.name, self._scene = scene.name, scene
-        self._place: Place | None = None
-
-    def digest(self) -> bytes:
-        """Bytes that identify it."""
-        people, ground = self._scene.trajectories, self._scene.occupancy
-        arrays = people.time_s, people.track_id, people.position, ground.occupied, ground.origin
-        about = repr((self.name, ground.resolution_m)).encode()
-        return b"".join(np.ascontiguousarray(values).tobytes() for values in arrays) + about
-
-    def draw(self, number: int, settings: DriveSettings) -> tuple[Place, Episode]:
-        """Draw an episode from (seed, number) alone."""
-        if self._place is None:
-            self._place = Place.of(self._scene, settings.planner.dt_s)
-        return self._place, draw_episode(self._place, number, settings)

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from pedpred.driving.crowds import MovingCrowd
 from pedpred.driving.intentions import SocialForces
-from pedpred.driving.people import Crowd
 from pedpred.driving.tracked import TrackedPeople
 from pedpred.online import OnlinePredictor
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
@@ -74,7 +74,7 @@ class TrueFuture:
     People who react to the robot go there if it keeps its velocity.
     """
 
-    def __init__(self, crowd: Crowd):
+    def __init__(self, crowd: MovingCrowd):
         self._crowd = crowd
 
     def update(self, time_s: float, track_id: np.ndarray, position: np.ndarray) -> Forecast:
@@ -97,7 +97,7 @@ METHODS: dict[str, Callable[[OnlinePredictor], Forecaster]] = {
 """Name -> forecaster that sees detections only, from a predictor without people."""
 
 TRUTH = "true_future"
-KNOWING: dict[str, Callable[[OnlinePredictor, Crowd, OccupancyMap], Forecaster]] = {
+KNOWING: dict[str, Callable[[OnlinePredictor, MovingCrowd, OccupancyMap], Forecaster]] = {
     "social_force": SocialForces,
     TRUTH: lambda predictor, crowd, occupancy: TrueFuture(crowd),
 }
@@ -109,7 +109,7 @@ NAMES = (*METHODS, *KNOWING)
 
 
 def forecaster_of(
-    method: str, predictor: OnlinePredictor, occupancy: OccupancyMap, crowd: Crowd
+    method: str, predictor: OnlinePredictor, occupancy: OccupancyMap, crowd: MovingCrowd
 ) -> Forecaster:
     """Make a forecaster that has seen nobody yet.
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pedpred.driving.people import Crowd
+from pedpred.driving.crowds import MovingCrowd
 from pedpred.driving.tracked import TrackedPeople
 from pedpred.errors import InputError
 from pedpred.features import Pedestrians
@@ -16,7 +16,7 @@ from pedpred.files import read_yaml
 from pedpred.online import OnlinePredictor
 from pedpred.scenes import Forecast, OccupancyMap, Predictions
 from pedpred.simulation.crowd import crowd_of
-from pedpred.simulation.ground import ground_of
+from pedpred.simulation.ground import ground_around
 from pedpred.simulation.routing import Routes, routes_to
 from pedpred.simulation.settings import SocialForceSettings, social_force_settings
 from pedpred.simulation.simulator import rollout
@@ -27,7 +27,6 @@ FORCES = (
 )
 """Parameters of social forces: in the installed package, and in the checkout."""
 _PUBLISHED = "helbing1995"
-_FREE_M = 3.0  # ground around the map and the goals where people may walk
 _BEYOND_S = 10.0  # somebody without a goal goes on for so long
 
 
@@ -48,7 +47,7 @@ class SocialForces:
     It is given where people go, not how. The desired speed is the tracked one.
     """
 
-    def __init__(self, predictor: OnlinePredictor, crowd: Crowd, occupancy: OccupancyMap):
+    def __init__(self, predictor: OnlinePredictor, crowd: MovingCrowd, occupancy: OccupancyMap):
         """Begin without people.
 
         Args:
@@ -57,13 +56,9 @@ class SocialForces:
             occupancy: the walls.
         """
         self._people, self._crowd, self._model = TrackedPeople(predictor), crowd, published_forces()
-        self._protocol, routing = predictor.protocol, self._model.routing
+        self._protocol = predictor.protocol
         ends = np.concatenate([crowd.goals, occupancy.origin[None]])
-        beyond = np.maximum(occupancy.origin - ends, ends - occupancy.origin - occupancy.extent_m)
-        margin_m = float(beyond.max(initial=0.0)) + _FREE_M
-        cells = max(round(routing.resolution_m / occupancy.resolution_m), 1)
-        margin = cells * int(np.ceil(margin_m / (cells * occupancy.resolution_m)))
-        self._ground = ground_of(occupancy, margin)
+        self._ground = ground_around(occupancy, ends, self._model.routing.resolution_m)
         self._routes: dict[int, Routes] = {}
 
     def update(self, time_s: float, track_id: np.ndarray, position: np.ndarray) -> Forecast:

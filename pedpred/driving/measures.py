@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pedpred.driving.course import Walls, value_at
+from pedpred.driving.course import Walls
 from pedpred.driving.loop import Drive
 from pedpred.driving.risk import contact_m
 from pedpred.driving.robot import Robot
 from pedpred.scenes import BODY_M
+from pedpred.simulation.physics import value_at
 
 _MOVING_MPS = 0.05
 _NEW_S = 1.0
@@ -39,7 +40,8 @@ def find_contacts(drive: Drive, radius_m: float) -> Contacts:
     """Find contacts, also those that begin and end between two instants.
 
     Robot and people move straight between instants: with r the vector between them at the first of two and u
-    its change, contact begins at the smaller root f in (0, 1] of |r + f u| = R, if |r| >= R.
+    its change, contact begins at the smaller root f in (0, 1] of |r + f u| = R, if |r| > R. One that begins
+    exactly at an instant belongs to the interval before it.
 
     Args:
         drive: what happened.
@@ -49,13 +51,14 @@ def find_contacts(drive: Drive, radius_m: float) -> Contacts:
     between = drive.people - robot[:, None]
     r, u = between[:-1], np.diff(between, axis=0)
     square, product = (u**2).sum(axis=-1), (r * u).sum(axis=-1)
-    beyond = (r**2).sum(axis=-1) - reach**2
-    inside = product**2 - square * beyond
+    outside = (between**2).sum(axis=-1) - reach**2
+    before, after = outside[:-1], outside[1:]
+    inside = product**2 - square * before
     with np.errstate(invalid="ignore", divide="ignore"):
-        share = (-product - np.sqrt(inside)) / square
-        begins = (beyond >= 0) & (product < 0) & (share <= 1)
+        share = (-product - np.sqrt(np.maximum(inside, 0.0))) / square
+        begins = (before > 0) & (product < 0) & ((after <= 0) | ((inside >= 0) & (share <= 1)))
     tick, person = np.nonzero(begins)
-    share = share[tick, person]
+    share = np.minimum(share[tick, person], 1.0)
     at = r[tick, person] + share[:, None] * u[tick, person]
     velocity = np.diff(robot, axis=0)[tick] / drive.dt_s
     towards = (velocity * at).sum(axis=-1) / reach

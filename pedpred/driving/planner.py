@@ -21,12 +21,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from pedpred.compiled import compiled
-from pedpred.driving.course import Course, ahead_at, value_at
+from pedpred.driving.course import Course, ahead_at
 from pedpred.driving.risk import Expected, Steps, contact_m, expected, risk_at, within_reach
 from pedpred.driving.robot import Robot, advance
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Forecast
 from pedpred.settings import In, Settings
+from pedpred.simulation.physics import value_at
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from pedpred.driving.forecasters import HARD, NAMES, forecaster_of
 from pedpred.driving.intentions import published_forces
 from pedpred.driving.loop import Drive, drive
 from pedpred.driving.measures import measure
+from pedpred.driving.places import Places
 from pedpred.driving.table import NETWORK, Condition, Row
 from pedpred.errors import ValueRuleError
 from pedpred.files import read_bytes
@@ -54,23 +54,6 @@ class Models:
         certain = (*HARD, *(name for name, output in outputs.items() if "covariance" not in output))
         every = dict.fromkeys((*methods, *self.others))
         return [Condition(m, r) for m in every for r in ((0.0,) if m in certain else dict.fromkeys(risks))]
-
-
-class Places(Protocol):
-    """Where episodes take place: a `Recording` or `Worlds`."""
-
-    @property
-    def name(self) -> str:
-        """For tables."""
-        ...  # pragma: no cover
-
-    def digest(self) -> bytes:
-        """Bytes that identify it."""
-        ...  # pragma: no cover
-
-    def draw(self, number: int, settings: DriveSettings) -> tuple[Place, Episode]:
-        """Draw an episode, and the place where it is, from (seed, number) alone."""
-        ...  # pragma: no cover
 
 
 def checksum(places: Places, settings: DriveSettings, model: Path) -> str:
@@ -128,7 +111,7 @@ class Runner:
         return rows, cycles
 
     def driven(self, place: Place, episode: Episode, condition: Condition, keep: bool = False) -> Drive:
-        """Drive one episode under one condition; `keep`: with its forecasts and detections."""
+        """Drive one episode under one condition; `keep`: with its forecasts."""
         settings = replace(self.settings, planner=replace(self.settings.planner, risk=condition.risk))
         crowd = episode.crowd()
         predictor = self._predictors[self._models.of(condition.method)]

@@ -16,7 +16,7 @@ _BEFORE_M = 0.2  # a ray ends so far in front of a person's middle: people stand
 
 
 @dataclass(frozen=True)
-class SensorSettings(Settings):
+class RobotSensor(Settings):
     """A sensor on the robot.
 
     Attributes:
@@ -55,7 +55,7 @@ class Faults:
 
 
 def visible(
-    state: tuple[float, ...], position: np.ndarray, occupancy: OccupancyMap, sensor: SensorSettings
+    state: tuple[float, ...], position: np.ndarray, occupancy: OccupancyMap, sensor: RobotSensor
 ) -> np.ndarray:
     """Whether the middle of each person is seen from the robot. [N] bool.
 

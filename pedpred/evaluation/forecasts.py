@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pedpred.errors import InputError, ShapeError, ValueRuleError
+from pedpred.errors import InputError, ValueRuleError, shape_error
 from pedpred.files import translate_errors
 from pedpred.geometry import rotate
 from pedpred.scenes import Predictions
@@ -65,10 +65,10 @@ class EvaluationWindows:
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, np.ndarray) and len(value) != len(self):
-                raise ShapeError(field.name, value.shape, f"[{len(self)}, ...]")
+                raise shape_error(field.name, value.shape, f"[{len(self)}, ...]")
         for method, forecasts in self.predictions.items():
             if forecasts.point.shape != self.truth.shape:
-                raise ShapeError(
+                raise shape_error(
                     f"predictions[{method!r}].point", forecasts.point.shape, str(self.truth.shape)
                 )
 

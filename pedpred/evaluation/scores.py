@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
-from pedpred.errors import InputError, ShapeError, ValueRuleError
-from pedpred.features import FeatureTable
+from pedpred.errors import InputError, ValueRuleError, shape_error
 from pedpred.files import translate_errors
-from pedpred.geometry import rotate
 from pedpred.metrics import METRICS, Metric, MetricScene
 from pedpred.metrics.calibration import mixture_nll, share_inside
 from pedpred.metrics.paths import displacement
-from pedpred.scenes import OccupancyMap, Predictions
-from pedpred.settings import (
-    LARGEST_SEED,
-    In,
-    Settings,
-)
+from pedpred.scenes import Predictions
+from pedpred.settings import LARGEST_SEED, In, Settings
 from pedpred.storage.columns import column_names, read_about, read_columns, write_columns
 
 _PER_STEP = ("error_m", "inside", "nll")
@@ -96,30 +90,6 @@ class Scores:
     noncausal: bool = False
 
 
-def integrate_truth(windows: FeatureTable, dt_s: float) -> np.ndarray:
-    """Integrate the targets of evaluation windows to true paths, world frame, m. [W, P, 2]."""
-    walked = np.cumsum(windows.future.astype(np.float64) * dt_s, axis=1)
-    return windows.position[:, None] + rotate(walked, windows.heading_rad[:, None])
-
-
-def describe_scene(windows: FeatureTable, occupancy: OccupancyMap, settings: MetricSettings) -> MetricScene:
-    """Collect what metrics know of a scene besides predictions and truth.
-
-    Args:
-        windows: the evaluation windows. [W]
-        occupancy: static obstacles.
-        settings: thresholds.
-    """
-    return MetricScene(
-        occupancy,
-        windows.time_s,
-        np.hypot(*windows.velocity.T),
-        settings.moving_mps,
-        settings.collision_m,
-        settings.miss_m,
-    )
-
-
 def score(
     predictions: Predictions,
     truth: np.ndarray,
@@ -139,16 +109,15 @@ def score(
         steps: measure the calibration at each step, the slowest of all.
 
     Raises:
-        ValueRuleError: a window has no forecast, or one that some metrics could not measure; or forecasts are
-            not in the world frame.
-        ShapeError: there are more or fewer forecasts or steps than of the truth, or a metric gives something
+        ValueRuleError: a window has no forecast, or one that some metrics cannot measure; forecasts are not
+            in the world frame, or of another number or length than the truth; or a metric gives something
             else than a value per window.
     """
     if predictions.frame != "world":
         rule = "it must be 'world': a method gives what `in_world` of its predictions returns"
         raise ValueRuleError("predictions.frame", predictions.frame, rule)
     if predictions.point.shape != truth.shape:
-        raise ShapeError("predictions.point", predictions.point.shape, f"{truth.shape}, as the truth has")
+        raise shape_error("predictions.point", predictions.point.shape, f"{truth.shape}, as the truth has")
     _check_all_forecast(predictions)
     inside = nll = np.zeros((len(predictions), 0))
     if steps and predictions.covariance is not None:
@@ -156,7 +125,7 @@ def score(
     values = {key: metric.value(predictions, truth, scene) for key, metric in metrics.items()}
     for key, of_windows in values.items():
         if np.shape(of_windows) != track.shape:
-            raise ShapeError(f"metrics.{key}", np.shape(of_windows), f"{track.shape}, a value per window")
+            raise shape_error(f"metrics.{key}", np.shape(of_windows), f"{track.shape}, a value per window")
     return Scores(track, values, displacement(predictions.point, truth), inside, nll)
 
 
@@ -191,7 +160,18 @@ def join_scores(parts: Sequence[Scores], row: np.ndarray) -> Scores:
     track, error_m, inside, nll = (
         np.concatenate([getattr(part, name) for part in parts])[at] for name in ("track", *_PER_STEP)
     )
-    return Scores(track, values, error_m, inside, nll)
+    return replace(parts[0], track=track, values=values, error_m=error_m, inside=inside, nll=nll)
+
+
+def mean_scores(scores: Sequence[Scores]) -> Scores:
+    """The mean over networks that differ in their seed alone, window by window; without shares in regions.
+
+    Whether a region holds the truth is a question to each network: a mean share answers it for none.
+    """
+    first = scores[0]
+    values = {key: np.mean([each.values[key] for each in scores], axis=0) for key in first.values}
+    steps = {n: np.mean([getattr(each, n) for each in scores], axis=0) for n in ("error_m", "nll")}
+    return replace(first, values=values, inside=first.inside[:, :0], **steps)
 
 
 def check_alike(field: str, names: Collection[str], others: Collection[str]) -> None:

@@ -36,7 +36,7 @@ class TrackBootstrap:
         """Draw `samples` replicates of the tracks of some windows [W]."""
         names, index = np.unique(track, return_inverse=True)
         count = len(names)
-        return cls(index, rng.multinomial(count, np.full(count, 1.0 / max(count, 1)), size=samples))
+        return cls(index, rng.multinomial(count, np.full(count, 1.0 / count), size=samples))
 
     @property
     def tracks(self) -> int:

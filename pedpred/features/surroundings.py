@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from pedpred.arrays import real_numbers
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError, shape_error
 from pedpred.scenes import OccupancyMap
 from pedpred.tracking import Tracks
 from pedpred.tracking.spacing import SPACING_S, references
@@ -38,7 +38,7 @@ class Pedestrians:
         for field, shape in {"position": (rows, 2), "heading_rad": (rows,), "velocity": (rows, 2)}.items():
             value = real_numbers(field, getattr(self, field)).astype(np.float64, copy=False)
             if value.shape != shape:
-                raise ShapeError(field, value.shape, str(shape))
+                raise shape_error(field, value.shape, str(shape))
             if not np.isfinite(value).all():
                 row = int(np.argwhere(~np.isfinite(value))[0, 0])
                 raise ValueRuleError(f"{field}[{row}]", value[row].tolist(), "it must be finite")
@@ -65,7 +65,7 @@ class Neighbours:
     span: np.ndarray
 
     @classmethod
-    def together(cls, present: Pedestrians, observers: int) -> Neighbours:
+    def of_crowd(cls, present: Pedestrians, observers: int) -> Neighbours:
         """Everybody present at one instant, the same for all observers."""
         span = np.empty((observers, 2), np.int64)
         span[:] = 0, len(present)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from pedpred.errors import ShapeError
+from pedpred.errors import shape_error
 from pedpred.settings import In, Settings
 from pedpred.tracking.tracks import LOST_AFTER_S
 
@@ -34,6 +34,16 @@ class ForecastProtocol(Settings):
     lost_after_s: Annotated[float, In("(0, 10000]")] = LOST_AFTER_S
     truth_gap_s: Annotated[float, In("(0, 10000]")] = 0.6
     noncausal: bool = False
+
+    @property
+    def ahead_s(self) -> np.ndarray:
+        """Time from the present to each step of the horizon, s. [P]."""
+        return (np.arange(self.horizon_steps) + 1) * self.dt_s
+
+    @property
+    def longest_gap_s(self) -> float:
+        """Longest time between two detections across which the true path is interpolated, s."""
+        return min(self.truth_gap_s, self.lost_after_s)
 
 
 @dataclass(frozen=True)
@@ -74,7 +84,7 @@ class FeatureTable:
     def __post_init__(self) -> None:
         for name, value in {**self.columns, **self.inputs}.items():
             if len(value) != len(self.track_id):
-                raise ShapeError(name, value.shape, f"[{len(self.track_id)}, ...]")
+                raise shape_error(name, value.shape, f"[{len(self.track_id)}, ...]")
 
     @property
     def columns(self) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Where people were, of which detections tell: the truth that past forecasts are compared with."""
+"""Detections of the last seconds: the truth that past forecasts are compared with, and lines through them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,10 @@ import numpy as np
 from pedpred.compiled import compiled
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
+EVERY_S = 0.3
+"""Least time between instants whose forecasts are kept and compared, s."""
+KNOWN = 4
+"""Forecasts are kept of people who were detected at least so often lately, as in the evaluation."""
 GAP_S = 1.0
 """Positions are known between detections that are at most so far apart, s."""
 NEAR_S, _MANY = 0.2, 3
@@ -31,13 +35,8 @@ class Detections:
     person: np.ndarray
     position: np.ndarray
 
-    @classmethod
-    def none(cls) -> Detections:
-        """Of nobody."""
-        return cls(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 2)))
-
-    def with_later(self, time_s: float, person: np.ndarray, position: np.ndarray) -> Detections:
-        """Those of a later instant, too, each person's once: sorted by person and time, as these are."""
+    def append(self, time_s: float, person: np.ndarray, position: np.ndarray) -> Detections:
+        """These detections and one of each person [N] at a later instant, at positions [N, 2]."""
         both = np.concatenate([self.person, person])
         order = np.argsort(both, kind="stable")
         return Detections(
@@ -82,6 +81,37 @@ class Detections:
         """First row and end of the detections of some tracks. [Q] each."""
         begin, end = (np.searchsorted(self.person, person, side) for side in ("left", "right"))
         return begin, end
+
+
+NO_DETECTIONS = Detections(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 2)))
+
+
+class Instant(NamedTuple):
+    """What is known of the people who are forecast at an instant.
+
+    Attributes:
+        time_s: later than all before, s.
+        person: whole numbers that tell the people apart, a new one for each life of an id. [N]
+        seen: who is detected at this instant, and not in a burst. [N] bool
+        detections: of the last seconds, this instant included.
+        looked_s: the last instant of which forecasts were kept and compared, s.
+    """
+
+    time_s: float
+    person: np.ndarray
+    seen: np.ndarray
+    detections: Detections
+    looked_s: float
+
+    @property
+    def is_look(self) -> bool:
+        """Whether forecasts are kept and compared at this instant."""
+        return self.time_s >= self.looked_s + EVERY_S - TIME_TOLERANCE_S
+
+
+def is_in_sorted(rising: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Which values are among rising ones; `np.isin` takes ten times as long for few."""
+    return np.searchsorted(rising, values, "left") < np.searchsorted(rising, values, "right")
 
 
 class Lines(NamedTuple):

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from pedpred.compiled import compiled
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError, shape_error
 from pedpred.scenes import Predictions
 
 NEAR_M = 0.3
@@ -51,7 +51,7 @@ def choose_modes(predictions: Predictions, position: np.ndarray) -> Predictions:
     if predictions.frame != "world":
         raise ValueRuleError("frame", predictions.frame, "people choose together in the world frame")
     if position.shape != (len(predictions), 2):
-        raise ShapeError("position", position.shape, f"({len(predictions)}, 2)")
+        raise shape_error("position", position.shape, f"({len(predictions)}, 2)")
     if predictions.modes == 1:
         return predictions
     weight = predictions.weight.copy()
@@ -133,7 +133,7 @@ def _conflicts(path: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.n
     most, count, reach_m = _MOST * people * modes, _ROOM * people * modes, REACH_M
     while reach_m >= NEAR_M:
         pair, closeness = np.empty((2, count), np.int64), np.empty(count)
-        total = _meetings(path, low, high, position, reach_m, most, least, pair, closeness)
+        total = _conflicting_pairs(path, low, high, position, reach_m, most, least, pair, closeness)
         if total <= count:
             return pair[0, :total], pair[1, :total], closeness[:total]
         count, reach_m = (total, reach_m) if total <= most else (count, 0.25 * reach_m)
@@ -142,7 +142,7 @@ def _conflicts(path: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 @compiled
-def _meetings(
+def _conflicting_pairs(
     path, low, high, position, reach_m, most, least, pair, closeness
 ):  # pragma: no cover (compiled)
     """Number of conflicts; those for which there is room are written into `pair` and `closeness`.

@@ -22,31 +22,106 @@ people who are not seen up to the last step do not count, as in the evaluation.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from pedpred.forecasting.comparisons import EVERY_S, KNOWN, among, groups_of
-from pedpred.forecasting.detections import NEAR_S, Detections
-from pedpred.forecasting.shares import Sums, check_sums
+from pedpred.compiled import compiled
+from pedpred.errors import ValueRuleError
+from pedpred.forecasting.detections import KNOWN, NEAR_S, Detections, Instant, Lines, is_in_sorted
+from pedpred.forecasting.groups import GROUPS, groups_of
 from pedpred.scenes import Predictions
 from pedpred.settings import finite
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
+LEFT_AFTER_S = 1.0
+"""People who are not detected for longer than the horizon and this, s, have left."""
 _SPANS_S = np.array([2.4, 0.6])
 """Lines are fitted to so many seconds of detections, s: a steady one, and one that follows turns."""
+_LINES = len(_SPANS_S)
 _USED_S, _COMPARED_S = 1.2, 2.4
 """Lines are used, and compared, of people who have been followed for so long, s."""
 _FITS_M = np.array([0.25, 0.5])
 """A line that misses the last detection by the first counts fully, by the second not at all, m."""
-_AFTER_S = 1.0
-"""Who is not detected for longer than the horizon and this, s, has left."""
+_PRIOR, _MOST = 200.0, 10000.0
+"""M, and the most forecasts that N counts: those of 100 people in half a minute."""
+_ROUNDING = 1e-9
+_NEAR_M = 0.02
+"""c: errors below this, m, count as squares."""
 
 
-class Kept(NamedTuple):
-    """Forecasts from one instant whose time is still to come.
+class Sums(NamedTuple):
+    """Sums over compared forecasts; for each of some people, or for none.
+
+    Attributes:
+        products: of d_l . d_m, weighted. [..., G, P, L, L]
+        errors: of d_l . e, weighted. [..., G, P, L]
+        compared: number of forecasts. [..., G]
+    """
+
+    products: np.ndarray
+    errors: np.ndarray
+    compared: np.ndarray
+
+    @classmethod
+    def empty(cls, steps: int, *people: int) -> Sums:
+        """Before the first comparison, for so many people."""
+        each = (*people, GROUPS)
+        products, errors = np.zeros((*each, steps, _LINES, _LINES)), np.zeros((*each, steps, _LINES))
+        return cls(products, errors, np.zeros(each))
+
+    def with_comparisons(
+        self, weights: np.ndarray, row: np.ndarray, group: np.ndarray, offset: np.ndarray, error: np.ndarray
+    ) -> Sums:
+        """The sums of some people after forecasts of these have been compared.
+
+        Args:
+            weights: w for each of the people. [K, G, P, L]
+            row: who of them was forecast. [N]
+            group: see `groups_of`. [N]
+            offset: from the point forecast to the lines, m. [N, L, P, 2]
+            error: from there to the position, m; forecasts of which a step is NaN do not count. [N, P, 2]
+        """
+        sums = Sums(*(values.copy() for values in self))
+        _add(*sums, weights, row, group, offset, error)
+        return sums.faded()
+
+    def faded(self) -> Sums:
+        """The same means, of at most `_MOST` forecasts."""
+        fades = np.minimum(1.0, _MOST / np.maximum(self.compared, 1.0))
+        return Sums(
+            self.products * fades[..., None, None, None],
+            self.errors * fades[..., None, None],
+            self.compared * fades,
+        )
+
+    def best_weights(self) -> np.ndarray:
+        """The w that minimise the sum. [..., G, P, L]."""
+        prior = (_PRIOR / np.maximum(self.compared, 1.0))[..., None, None, None] * np.eye(_LINES)
+        return best_weights(self.products * (1.0 + prior), self.errors)
+
+    def check(self) -> None:
+        """Check that these may be the sums of some forecasts.
+
+        Raises:
+            ValueRuleError: they are not.
+        """
+        squares = np.diagonal(self.products, axis1=-2, axis2=-1)
+        both, other = self.products[..., 0, 1], self.products[..., 1, 0]
+        equal, most = _ROUNDING * squares.sum(axis=-1), squares.prod(axis=-1) * (1.0 + _ROUNDING)
+        if not ((squares >= 0).all() and (np.abs(both - other) <= equal).all() and (both**2 <= most).all()):
+            raise ValueRuleError(
+                "trust.products", None, "they must be symmetric, without negative eigenvalues"
+            )
+        if not ((self.compared >= 0).all() and (self.compared <= _MOST * (1.0 + _ROUNDING)).all()):
+            raise ValueRuleError("trust.compared", self.compared.tolist(), f"it must be in [0, {_MOST:g}]")
+
+
+class PastForecasts(NamedTuple):
+    """Forecasts from one instant that have not been compared yet.
 
     Attributes:
         due_s: when the last step can be compared.
@@ -54,7 +129,7 @@ class Kept(NamedTuple):
         person: whose. [N]
         group: see `groups_of`. [N]
         point: of the network, world frame, m. [N, P, 2]
-        apart: from there to the lines, m. [N, L, P, 2]
+        offset: from there to the lines, m. [N, L, P, 2]
     """
 
     due_s: float
@@ -62,40 +137,36 @@ class Kept(NamedTuple):
     person: np.ndarray
     group: np.ndarray
     point: np.ndarray
-    apart: np.ndarray
+    offset: np.ndarray
 
 
 @dataclass(frozen=True)
 class Trust:
-    """What was learned at a place, the forecasts to learn from, and the detections of their time.
+    """What was learned at a place, and the forecasts to learn from.
 
     Attributes:
-        place: what those have taught who have left.
+        place: sums over the forecasts of people who have left.
         person: who is there, rising. [K]
-        taught: what each has taught so far. [K]
+        sums: over the forecasts of each. [K]
         weights: w for each, from when the person came. [K, G, P, L]
-        looked_s: when forecasts were last compared and kept, s.
-        waiting: for their time.
-        detections: of the last seconds.
+        past: forecasts to compare.
     """
 
     place: Sums
     person: np.ndarray
-    taught: Sums
+    sums: Sums
     weights: np.ndarray
-    looked_s: float = -np.inf
-    waiting: tuple[Kept, ...] = ()
-    detections: Detections = field(default_factory=Detections.none)
+    past: tuple[PastForecasts, ...] = ()
 
     @classmethod
-    def unlearned(cls, steps: int) -> Trust:
+    def initial(cls, steps: int) -> Trust:
         """Before the first instant: forecasts are the network's."""
-        return cls._of_place(Sums.nothing(steps))
+        return cls._of_place(Sums.empty(steps))
 
     @classmethod
     def _of_place(cls, place: Sums) -> Trust:
         """With nobody there."""
-        nobody = Sums.nothing(place.errors.shape[-2], 0)
+        nobody = Sums.empty(place.errors.shape[-2], 0)
         return cls(place, np.zeros(0, np.int64), nobody, nobody.errors)
 
     def without_people(self) -> Trust:
@@ -103,11 +174,11 @@ class Trust:
         return self._of_place(self._place_without(np.ones(len(self.person), bool)))
 
     def plain(self) -> dict[str, Any]:
-        """What those have taught who are there or have left, as lists of numbers."""
+        """What was learned of people who are there or have left, as lists of numbers."""
         return {name: values.tolist() for name, values in self.without_people().place._asdict().items()}
 
-    def relearned(self, plain: Mapping[str, Any]) -> Trust:
-        """Of an unlearned one: with what another one had learned.
+    def restored(self, plain: Mapping[str, Any]) -> Trust:
+        """With nobody there, and with what another one had learned, see `plain`.
 
         Raises:
             ValueRuleError: a value breaks its rule.
@@ -115,103 +186,99 @@ class Trust:
         place = Sums(
             *(finite(f"trust.{name}", plain[name], old.shape) for name, old in self.place._asdict().items())
         )
-        check_sums(place)
+        place.check()
         return self._of_place(place)
 
-    def after(
-        self,
-        time_s: float,
-        person: np.ndarray,
-        detection: np.ndarray,
-        seen: np.ndarray,
-        forecasts: Predictions,
-    ) -> tuple[Trust, Predictions]:
-        """Take the detections of an instant and the forecasts from it.
+    def update(self, now: Instant, forecasts: Predictions) -> tuple[Trust, Predictions]:
+        """Learn from the detections of an instant, and move the forecasts to lines.
 
         Args:
-            time_s: see `Regions.after`.
-            person: see there. [N]
-            detection: see there. [N, 2]
-            seen: see there. [N] bool
-            forecasts: of the network alone, world frame.
+            now: the instant.
+            forecasts: of the network alone, world frame. [N]
 
         Returns:
             Everything afterwards, and the forecasts with other paths.
         """
-        known = self.detections.with_later(time_s, person[seen], detection[seen])
-        here = replace(self, detections=known)
-        looks = time_s >= self.looked_s + EVERY_S - TIME_TOLERANCE_S
-        if not looks and not here.weights.any():
-            return here, forecasts
-        lines = known.lines(person, time_s, _SPANS_S)
+        if not now.is_look and not self.weights.any():
+            return self, forecasts
+        lines = now.detections.lines(now.person, now.time_s, _SPANS_S)
         ahead_s = forecasts.dt_s * np.arange(1, forecasts.steps + 1)
-        if looks:
-            late = known.since(time_s - ahead_s[-1] - _AFTER_S)
-            used = lines.followed_s >= _USED_S - TIME_TOLERANCE_S
-            here = replace(here._compared(time_s)._with_people(late, person[used]), detections=late)
         paths = lines.position[:, :, None] + lines.velocity[:, :, None] * ahead_s[:, None]
-        apart, group = _zero_if_unknown(paths - forecasts.point[:, None]), groups_of(forecasts)
-        fits = np.interp(_zero_if_unknown(lines.missed_m), _FITS_M, [1.0, 0.0])
-        if looks:
-            old = lines.followed_s >= _COMPARED_S - TIME_TOLERANCE_S
-            rows = np.flatnonzero(seen & old & (lines.detections >= KNOWN))
-            waiting, step_s = here.waiting, time_s + ahead_s
-            if len(rows):
-                point = forecasts.point[rows].astype(np.float64)
-                fitting = fits[rows, :, None, None] * apart[rows]
-                waiting += (Kept(step_s[-1] + NEAR_S, step_s, person[rows], group[rows], point, fitting),)
-            here = replace(here, looked_s=time_s, waiting=waiting)
-        shares = here._shares(person, group) * fits[:, None]
-        return here, _moved(forecasts, shares, apart) if shares.any() else forecasts
+        offset, group = _zero_if_unknown(paths - forecasts.point[:, None]), groups_of(forecasts)
+        fits = _zero_if_unknown(np.interp(lines.missed_m, _FITS_M, [1.0, 0.0]))
+        trust = self
+        if now.is_look:
+            lately = now.detections.since(now.time_s - ahead_s[-1] - LEFT_AFTER_S)
+            used = lines.followed_s >= _USED_S - TIME_TOLERANCE_S
+            trust = self._compare(now)._with_people(lately, now.person[used])
+            fitting = fits[:, :, None, None] * offset
+            trust = trust._keep(now, ahead_s, lines, group, forecasts.point, fitting)
+        weights = trust._weights_of(now.person, group) * fits[:, None]
+        return trust, _move(forecasts, weights, offset) if weights.any() else forecasts
 
-    def _shares(self, person: np.ndarray, group: np.ndarray) -> np.ndarray:
-        """The w of some people; 0 for who has just come. [N, P, L]."""
-        there = np.flatnonzero(among(self.person, person))
-        shares = np.zeros((len(person), *self.weights.shape[2:]))
-        shares[there] = self.weights[np.searchsorted(self.person, person[there]), group[there]]
-        return shares
+    def _weights_of(self, person: np.ndarray, group: np.ndarray) -> np.ndarray:
+        """The w of some people; 0 for those who have just come. [N, P, L]."""
+        there = np.flatnonzero(is_in_sorted(self.person, person))
+        weights = np.zeros((len(person), *self.weights.shape[2:]))
+        weights[there] = self.weights[np.searchsorted(self.person, person[there]), group[there]]
+        return weights
 
-    def _with_people(self, known: Detections, person: np.ndarray) -> Trust:
-        """With some people [N], who may have come, and without those who are not detected any more."""
-        gone = ~among(known.person, self.person)
-        stays, come = np.flatnonzero(~gone), person[~among(self.person, person)]
+    def _with_people(self, lately: Detections, person: np.ndarray) -> Trust:
+        """With some people [N], who may have come, and without those who are not detected lately."""
+        gone = ~is_in_sorted(lately.person, self.person)
+        stays, come = np.flatnonzero(~gone), person[~is_in_sorted(self.person, person)]
         if len(stays) == len(gone) and not len(come):
             return self
         place = self._place_without(gone) if gone.any() else self.place
         everybody = np.concatenate([self.person[stays], come])
         order = np.argsort(everybody)
 
-        def joined(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+        def extend(old: np.ndarray, new: np.ndarray) -> np.ndarray:
             return np.concatenate([old[stays], np.broadcast_to(new, (len(come), *new.shape))])[order]
 
         return replace(
             self,
             place=place,
             person=everybody[order],
-            taught=Sums(*map(joined, self.taught, Sums.nothing(self.weights.shape[-2]))),
-            weights=joined(self.weights, place.best_weights()),
+            sums=Sums(*map(extend, self.sums, Sums.empty(self.weights.shape[-2]))),
+            weights=extend(self.weights, place.best_weights()),
         )
 
     def _place_without(self, gone: np.ndarray) -> Sums:
-        """What the place has taught once some people [K] bool have left."""
-        left = (values[gone].sum(axis=0) for values in self.taught)
+        """Sums of the place once some people [K] bool have left."""
+        left = (values[gone].sum(axis=0) for values in self.sums)
         return Sums(*(both[0] + both[1] for both in zip(self.place, left, strict=True))).faded()
 
-    def _compared(self, time_s: float) -> Trust:
-        """After the comparison of the forecasts whose time has come with the detections."""
-        now_s = time_s + TIME_TOLERANCE_S
-        due = [past for past in self.waiting if past.due_s <= now_s]
+    def _compare(self, now: Instant) -> Trust:
+        """After the comparison of the forecasts that are due with the detections."""
+        now_s, sums = now.time_s + TIME_TOLERANCE_S, self.sums
+        due = [past for past in self.past if past.due_s <= now_s]
         if not due:
             return self
-        taught = self.taught
         for past in due:
-            steps, people = len(past.time_s), len(past.person)
-            asked = np.repeat(past.person, steps), np.tile(past.time_s, people)
-            error = self.detections.at(*asked)[0].reshape(past.point.shape) - past.point
+            asked = np.repeat(past.person, len(past.time_s)), np.tile(past.time_s, len(past.person))
+            error = now.detections.at(*asked)[0].reshape(past.point.shape) - past.point
             row = np.searchsorted(self.person, past.person)
-            taught = taught.with_comparisons(self.weights, row, past.group, past.apart, error)
-        waiting = tuple(past for past in self.waiting if past.due_s > now_s)
-        return replace(self, taught=taught, waiting=waiting)
+            sums = sums.with_comparisons(self.weights, row, past.group, past.offset, error)
+        return replace(self, sums=sums, past=tuple(past for past in self.past if past.due_s > now_s))
+
+    def _keep(
+        self,
+        now: Instant,
+        ahead_s: np.ndarray,
+        lines: Lines,
+        group: np.ndarray,
+        point: np.ndarray,
+        offset: np.ndarray,
+    ) -> Trust:
+        """With the forecasts of people who were followed for long enough, to be compared."""
+        followed = lines.followed_s >= _COMPARED_S - TIME_TOLERANCE_S
+        rows = np.flatnonzero(now.seen & followed & (lines.detections >= KNOWN))
+        if not len(rows):
+            return self
+        step_s = now.time_s + ahead_s
+        kept = now.person[rows], group[rows], point[rows].astype(np.float64), offset[rows]
+        return replace(self, past=(*self.past, PastForecasts(step_s[-1] + NEAR_S, step_s, *kept)))
 
 
 def _zero_if_unknown(values: np.ndarray) -> np.ndarray:
@@ -219,15 +286,76 @@ def _zero_if_unknown(values: np.ndarray) -> np.ndarray:
     return np.where(np.isnan(values), 0.0, values)
 
 
-def _moved(predictions: Predictions, shares: np.ndarray, apart: np.ndarray) -> Predictions:
-    """Predictions whose point and modes all go to the lines, by the same shares.
+def _move(predictions: Predictions, weights: np.ndarray, offset: np.ndarray) -> Predictions:
+    """Predictions whose point and modes all go to the lines, by the same w.
 
     Args:
         predictions: of the network.
-        shares: w of each. [N, P, L]
-        apart: from the point forecast to the lines, m. [N, L, P, 2]
+        weights: w of each. [N, P, L]
+        offset: from the point forecast to the lines, m. [N, L, P, 2]
     """
-    shift = (np.swapaxes(shares, 1, 2)[..., None] * apart).sum(axis=1)
-    nearer = shares.sum(axis=-1)[:, None, :, None] * (predictions.point[:, None] - predictions.path)
+    shift = (np.swapaxes(weights, 1, 2)[..., None] * offset).sum(axis=1)
+    nearer = weights.sum(axis=-1)[:, None, :, None] * (predictions.point[:, None] - predictions.path)
     path = predictions.path + shift[:, None] + nearer
     return replace(predictions, point=predictions.point + shift, path=path)
+
+
+@compiled
+def _add(products, errors, compared, weights, row, group, offset, error):  # pragma: no cover (compiled)
+    """Add to the sums in place; see `Sums.with_comparisons`."""
+    people, lines, steps = offset.shape[:3]
+    for n in range(people):
+        if np.isnan(error[n]).any():
+            continue
+        k, g = row[n], group[n]
+        compared[k, g] += 1.0
+        for p in range(steps):
+            x, y = error[n, p]
+            left_x, left_y = x, y
+            for line in range(lines):
+                left_x -= weights[k, g, p, line] * offset[n, line, p, 0]
+                left_y -= weights[k, g, p, line] * offset[n, line, p, 1]
+            weight = 1.0 / (_NEAR_M + math.hypot(left_x, left_y))
+            for line in range(lines):
+                far_x, far_y = weight * offset[n, line, p, 0], weight * offset[n, line, p, 1]
+                errors[k, g, p, line] += far_x * x + far_y * y
+                for other in range(lines):
+                    product = far_x * offset[n, other, p, 0] + far_y * offset[n, other, p, 1]
+                    products[k, g, p, line, other] += product
+
+
+def best_weights(products: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Minimise w A w / 2 - b w over w_1, w_2 >= 0 with w_1 + w_2 <= 1.
+
+    Args:
+        products: A, symmetric and without negative eigenvalues. [..., 2, 2]
+        errors: b. [..., 2]
+
+    Returns:
+        w; 0 where A is 0. [..., 2]
+    """
+    weights = np.zeros(errors.shape)
+    _minimise(products.reshape(-1, 2, 2), errors.reshape(-1, 2), weights.reshape(-1, 2))
+    return weights
+
+
+@compiled
+def _minimise(products, errors, weights):  # pragma: no cover (compiled)
+    """Write the best weights: those of the minimum, if it is in the triangle, or of the best edge."""
+    for n in range(len(errors)):
+        first, second, both = products[n, 0, 0], products[n, 1, 1], products[n, 0, 1]
+        b, c, least = errors[n, 0], errors[n, 1], 0.0
+        size, tilt = first * second - both * both, first + second - 2.0 * both
+        share = min(max(_ratio(b - c + second - both, tilt), 0.0), 1.0)
+        one, two = min(max(_ratio(b, first), 0.0), 1.0), min(max(_ratio(c, second), 0.0), 1.0)
+        inside = _ratio(second * b - both * c, size), _ratio(first * c - both * b, size)
+        for w, v in (inside, (one, 0.0), (0.0, two), (share, 1.0 - share)):
+            loss = 0.5 * (first * w * w + second * v * v) + both * w * v - b * w - c * v
+            if w >= 0.0 and v >= 0.0 and w + v <= 1.0 and loss < least:
+                weights[n, 0], weights[n, 1], least = w, v, loss
+
+
+@compiled
+def _ratio(above, below):  # pragma: no cover (compiled)
+    """Quotient; 0 where the divisor is not positive."""
+    return above / below if below > 0.0 else 0.0

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from pedpred.errors import ShapeError
+from pedpred.errors import shape_error
 from pedpred.metrics.calibration import FINE, mixture_nll
 from pedpred.metrics.energy import energy_scores
 from pedpred.metrics.paths import displacement, too_close
@@ -42,7 +42,7 @@ class MetricScene:
 
     def __post_init__(self) -> None:
         if self.time_s.shape != self.speed_mps.shape:
-            raise ShapeError("speed_mps", self.speed_mps.shape, str(self.time_s.shape))
+            raise shape_error("speed_mps", self.speed_mps.shape, str(self.time_s.shape))
 
     @property
     def moving(self) -> np.ndarray:

@@ -11,7 +11,8 @@ import torch
 
 from pedpred.features import ModelFeatures
 from pedpred.forecasting import ForecastRequest
-from pedpred.forecasting.chain import Chain, forecast_blocks
+from pedpred.forecasting.blocks import forecast_blocks
+from pedpred.forecasting.postprocessing import Postprocessing
 from pedpred.forecasting.tensors import predictions_of
 from pedpred.models.contract import ForecastNetwork, Tensors
 from pedpred.models.lstm.autoencoder import GridEncoder
@@ -68,8 +69,8 @@ class NetworkForecaster:
                 outputs, _ = self.network({n: torch.from_numpy(v)[:, None] for n, v in channels.items()}, {})
             return self._decode({name: values[:, 0] for name, values in outputs.items()}, request.sizes.dt_s)
 
-        chain = Chain(self.together, self.learning, request.detection_noise_m, self.trust)
-        which, parts = zip(*forecast_blocks(request, self.features, infer, chain), strict=True)
+        postprocessing = Postprocessing(self.together, self.learning, request.detection_noise_m, self.trust)
+        which, parts = zip(*forecast_blocks(request, self.features, infer, postprocessing), strict=True)
         return Predictions.join(parts).select(np.argsort(np.concatenate(which)))
 
     def _decode(self, outputs: Tensors, dt_s: float) -> Predictions:

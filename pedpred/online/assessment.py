@@ -9,13 +9,12 @@ import numpy as np
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import EvaluationSettings, Scores, score
-from pedpred.evaluation.scores import describe_scene, integrate_truth, join_scores
-from pedpred.evaluation.windows import ask_about_windows, count_without_truth
+from pedpred.evaluation import EvaluationSettings, Scores, find_windows, given, measure
+from pedpred.evaluation.scores import join_scores
 from pedpred.features.perception import Perception, sensed
 from pedpred.forecasting import Forecaster, ForecastRequest
-from pedpred.forecasting.chain import instant_blocks
-from pedpred.metrics import METRICS, Metric
+from pedpred.forecasting.blocks import instant_blocks
+from pedpred.metrics import Metric
 from pedpred.online.batch import predictions_in_blocks
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.online.replay import predictions_at, replay_with_progress
@@ -60,20 +59,26 @@ def assess(
     """
     if taken := sorted(set(others or {}).intersection(ALWAYS)):
         raise ValueRuleError("others", taken, f"the names {ALWAYS} are taken")
-    about, sizes, sensor = predictor.description, predictor.protocol, sensor or SensorSettings()
+    about, sensor = predictor.description, sensor or SensorSettings()
     how = Perception(predictor.filters, about.standstill_mps, sensor)
-    request = ask_about_windows(scene, how, sizes, memory=False)
-    without_truth = count_without_truth(request.table, sizes, scene.name)
+    windows = find_windows(scene, how, predictor.protocol, memory=False)
     # Detections need not be regular, so that no single covariance of the tracker holds for all of them.
-    request = replace(request, tracker=None)
+    windows = replace(windows, request=replace(windows.request, tracker=None))
     if answered is not None:  # of detections without truth, nobody knows whether they would count
-        request, without_truth = replace(request, rows=request.rows[answered(request)]), 0
-    blocks = forecasts_by_instants(predictor, request, sensed(scene, sensor))
-    scores, row = _measured(request, blocks, settings, others or {}, metrics)
-    del request, blocks  # only the scores are needed from here on
+        windows = replace(windows.select(answered(windows.request)), without_truth=0)
+    methods = {key: make() for key, make in PRESENT_MOTION.items()}
+    scores: dict[str, list[Scores]] = {name: [] for name in (*ALWAYS, *(others or {}))}
+    order = []
+    for which, forecast in forecasts_by_instants(predictor, windows.request, sensed(scene, sensor)):
+        block = windows.select(which)  # whole instants, since some metrics compare the people of one
+        forecasters = {**methods, NETWORK: given(forecast), **(others or {})}
+        for name, part in measure(block, forecasters, settings, metrics).items():
+            scores[name].append(_kept(part, metrics is None))
+        order.append(which)
+    del windows, block  # only the scores are needed from here on
     joined: dict[str, Scores] = {}
     for name in list(scores):
-        whole = replace(join_scores(scores.pop(name), row), without_truth=without_truth)
+        whole = join_scores(scores.pop(name), np.concatenate(order))
         joined[name] = replace(whole, track=next(iter(joined.values()), whole).track)
     return joined
 
@@ -94,30 +99,6 @@ def forecasts_by_instants(
     if predictor.description.memory:
         return _replayed(seen, predictor, request)
     return predictions_in_blocks(predictor, request, f"forecast {seen.name}")
-
-
-def _measured(
-    request: ForecastRequest,
-    blocks: Iterator[tuple[np.ndarray, Predictions]],
-    settings: EvaluationSettings,
-    others: Mapping[str, Forecaster],
-    metrics: Mapping[str, Metric] | None,
-) -> tuple[dict[str, list[Scores]], np.ndarray]:
-    """Scores of each method in block after block, and the windows in the order of the blocks. [W]."""
-    methods = {key: make() for key, make in PRESENT_MOTION.items()} | dict(others)
-    scores: dict[str, list[Scores]] = {name: [] for name in (*ALWAYS, *others)}
-    measured = []
-    for which, forecast in blocks:  # whole instants, since some metrics compare the people of one
-        part = replace(request, rows=request.rows[which])
-        windows = part.asked
-        truth = integrate_truth(windows, request.sizes.dt_s)
-        known = describe_scene(windows, request.scene.occupancy, settings)
-        forecasts = {name: method(part) for name, method in methods.items()}
-        for name, predictions in (forecasts | {NETWORK: forecast}).items():
-            among = predictions, truth, windows.track_id, known, metrics or METRICS, metrics is None
-            scores[name].append(_kept(score(*among), metrics is None))
-        measured.append(which)
-    return scores, np.concatenate(measured)
 
 
 def _kept(scores: Scores, steps: bool) -> Scores:

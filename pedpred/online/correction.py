@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from pedpred.arrays import real_number, real_numbers
-from pedpred.errors import ShapeError, ValueRuleError
-from pedpred.forecasting.chain import Place
-from pedpred.forecasting.detections import Detections
+from pedpred.errors import ValueRuleError, shape_error
+from pedpred.forecasting.postprocessing import PlaceKnowledge
 from pedpred.forecasting.regions import Regions
 from pedpred.forecasting.trust import Trust
 from pedpred.geometry import rotate, rotated_covariance
@@ -35,11 +34,11 @@ class Correction:
         """Convert the arguments.
 
         Raises:
-            ValueRuleError, ShapeError: something is not a number or out of range, or of another shape.
+            ValueRuleError: something is not a number or out of range, or of another shape.
         """
         turn, moved = real_number("turn_rad", turn_rad), real_numbers("shift", shift)
         if moved.shape != (2,):
-            raise ShapeError("shift", moved.shape, "(2,)")
+            raise shape_error("shift", moved.shape, "(2,)")
         for name, value in (("turn_rad", np.asarray(turn)), ("shift", moved)):
             rule, valid = rule_of("position", value)
             if not valid.all():
@@ -60,33 +59,33 @@ class Correction:
             position=self._places(people.position),
             velocity=self._vectors(people.velocity),
             heading_rad=np.angle(np.exp(1j * (people.heading_rad + self.turn_rad))),
-            astray=self._vectors(people.astray),
+            velocity_drift=self._vectors(people.velocity_drift),
             past=past | trail,
             filters=filters | states,
         )
 
-    def of_place(self, place: Place) -> Place:
+    def of_place(self, place: PlaceKnowledge) -> PlaceKnowledge:
         """What was learned, and the forecasts and detections to learn from, as they are now."""
-        return Place(
-            place.trust and self._of_trust(place.trust), place.regions and self._of_regions(place.regions)
+        return replace(
+            place,
+            trust=place.trust and self._of_trust(place.trust),
+            regions=place.regions and self._of_regions(place.regions),
+            detections=replace(place.detections, position=self._places(place.detections.position)),
         )
 
     def _of_trust(self, trust: Trust) -> Trust:
-        waiting = tuple(
-            one._replace(point=self._places(one.point), apart=self._vectors(one.apart))
-            for one in trust.waiting
+        past = tuple(
+            one._replace(point=self._places(one.point), offset=self._vectors(one.offset))
+            for one in trust.past
         )
-        return replace(trust, waiting=waiting, detections=self._of_detections(trust.detections))
+        return replace(trust, past=past)
 
     def _of_regions(self, regions: Regions) -> Regions:
-        waiting = tuple(
+        pending = tuple(
             one._replace(path=self._places(one.path), covariance=self._covariances(one.covariance))
-            for one in regions.waiting
+            for one in regions.pending
         )
-        return replace(regions, waiting=waiting, detections=self._of_detections(regions.detections))
-
-    def _of_detections(self, known: Detections) -> Detections:
-        return replace(known, position=self._places(known.position))
+        return replace(regions, pending=pending)
 
     def _vectors(self, vectors: np.ndarray) -> np.ndarray:
         return rotate(vectors, np.float64(self.turn_rad))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.arrays import real_number, real_numbers
-from pedpred.errors import ShapeError, ValueRuleError, brief
+from pedpred.errors import ValueRuleError, brief, shape_error
 from pedpred.scenes import rule_of
 from pedpred.tracking.tracks import FASTEST_MPS
 
@@ -48,7 +48,7 @@ class Frame:
         everybody near.
 
         Raises:
-            ValueRuleError, ShapeError: something is not a number or out of range, or an id appears twice.
+            ValueRuleError: something is not a number or out of range, or an id appears twice.
         """
         now, names = real_number("time_s", time_s), real_numbers("track_id", track_id)
         _check("time_s", np.asarray(now))
@@ -72,7 +72,7 @@ def _pairs(name: str, value: Any, rows: int) -> np.ndarray:
     pairs = real_numbers(name, value).astype(np.float64)
     pairs = pairs.reshape(0, 2) if not pairs.size else pairs
     if pairs.shape != (rows, 2):
-        raise ShapeError(name, pairs.shape, f"({rows}, 2)")
+        raise shape_error(name, pairs.shape, f"({rows}, 2)")
     _check(name, pairs)
     return pairs
 

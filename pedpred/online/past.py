@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from pedpred.compiled import compiled
 from pedpred.features.surroundings import Past
-from pedpred.tracking.spacing import SPACING_S
+from pedpred.tracking.spacing import SPACING_S, latest_apart
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 Arrays = dict[str, np.ndarray]
@@ -34,7 +35,7 @@ def first_seen(people: int, slots: int) -> Arrays:
     }
 
 
-def seen_again(
+def add_detection(
     past: Arrays, seen_s: np.ndarray, detection: np.ndarray, time_s: float, position: np.ndarray
 ) -> Arrays:
     """The past of some people after another detection.
@@ -46,21 +47,33 @@ def seen_again(
         time_s: of the new one, s.
         position: of the new one, world frame, m. [N, 2]
     """
-    kept, trail_s, trail = past["kept"][:, None], past["trail_s"], past["trail"]
-    trail_s = np.where(kept, np.concatenate([trail_s[:, 1:], seen_s[:, None]], axis=1), trail_s)
-    longer = np.concatenate([trail[:, 1:], detection[:, None]], axis=1)
-    trail = np.where(kept[..., None], longer, trail)
-    # The detection that the velocity is measured from, as `pedpred.tracking.spacing.references` finds it.
-    young = time_s - trail_s < SPACING_S - TIME_TOLERANCE_S
-    slot = np.maximum(trail_s.shape[1] - 1 - young.sum(axis=1), _first_known(trail_s))
-    each = np.arange(len(slot))
-    dt_s = np.maximum(time_s - trail_s[each, slot], SPACING_S)
-    return {
-        "trail_s": trail_s,
-        "trail": trail,
-        "last_velocity": (position - trail[each, slot]) / dt_s[:, None],
-        "kept": time_s - trail_s[:, -1] >= SPACING_S - TIME_TOLERANCE_S,
-    }
+    after = {name: values.copy() for name, values in past.items()}
+    held = after["trail_s"], after["trail"], after["last_velocity"], after["kept"]
+    _add(*held, seen_s, detection, time_s, position)
+    return after
+
+
+@compiled
+def _add(
+    trail_s, trail, last_velocity, kept, seen_s, detection, time_s, position
+):  # pragma: no cover (compiled)
+    """Change the past in place; see `add_detection`."""
+    slots = trail_s.shape[1]
+    for n in range(len(trail_s)):
+        if kept[n]:
+            for slot in range(slots - 1):
+                trail_s[n, slot] = trail_s[n, slot + 1]
+                trail[n, slot, 0], trail[n, slot, 1] = trail[n, slot + 1, 0], trail[n, slot + 1, 1]
+            trail_s[n, -1] = seen_s[n]
+            trail[n, -1, 0], trail[n, -1, 1] = detection[n, 0], detection[n, 1]
+        first = 0
+        while first < slots - 1 and trail_s[n, first] == -np.inf:
+            first += 1
+        slot = latest_apart(trail_s[n], first, slots, time_s)
+        dt_s = max(time_s - trail_s[n, slot], SPACING_S)
+        for axis in range(2):
+            last_velocity[n, axis] = (position[n, axis] - trail[n, slot, axis]) / dt_s
+        kept[n] = time_s - trail_s[n, -1] >= SPACING_S - TIME_TOLERANCE_S
 
 
 def earliest(past: Arrays, rows: np.ndarray, detection: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import Any
 
 from pedpred.errors import InputError, ValueRuleError, brief
 from pedpred.files import check_input, read_json, translate_errors, write_json
-from pedpred.forecasting.chain import Place
+from pedpred.forecasting.postprocessing import PlaceKnowledge
 from pedpred.online.network import digest_of
 
 PLACE_SCHEMA = 1
@@ -17,7 +17,7 @@ _CHECKSUM = "sha256"
 _REMEDY = "Delete it: it is learned again"
 
 
-def write_place(path: Path, place: Place, unused: Mapping[str, Any], network_sha256: str) -> None:
+def write_place(path: Path, place: PlaceKnowledge, unused: Mapping[str, Any], network_sha256: str) -> None:
     """Write what was learned of a network's forecasts; see `pedpred.files.atomic_write`.
 
     Args:
@@ -31,17 +31,18 @@ def write_place(path: Path, place: Place, unused: Mapping[str, Any], network_sha
     write_json(path, about | {_CHECKSUM: digest_of(about)})
 
 
-def read_place(path: Path, unlearned: Place, network_sha256: str) -> tuple[Place, dict[str, Any]]:
+def read_place(
+    path: Path, initial: PlaceKnowledge, network_sha256: str
+) -> tuple[PlaceKnowledge, dict[str, Any]]:
     """Read what was learned of the forecasts of the same network.
 
     Args:
         path: the file.
-        unlearned: what has not learned yet.
+        initial: before the first instant; what is None there is not used.
         network_sha256: checksum of the network.
 
     Returns:
-        What the unlearned one uses; the rest of what was learned, as it stands in the file: who uses it
-        again goes on with it.
+        What is used; the rest of what was learned, as it stands in the file, to be written again.
 
     Raises:
         InputError: the file is missing, damaged or of another schema or network.
@@ -57,5 +58,5 @@ def read_place(path: Path, unlearned: Place, network_sha256: str) -> tuple[Place
         if about["network_sha256"] != network_sha256:
             rule = "it was learned of another network's forecasts"
             raise ValueRuleError("network_sha256", brief(about["network_sha256"]), rule)
-        place = unlearned.relearned(about)
+        place = initial.restored(about)
         return place, {name: about[name] for name, value in place.plain().items() if value is None}

@@ -7,7 +7,6 @@ A format is a module with `NAME`, `recognises(head)` and `read(path, options)`; 
 from __future__ import annotations
 
 import gzip
-import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -41,13 +40,11 @@ from pedpred.reading.head import GZIP, Head
 from pedpred.reading.names import TrackNames
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.table import Table
-from pedpred.reading.text import numbers
+from pedpred.reading.text import check_size, numbers
 from pedpred.reading.tracks import agreed_unit, to_tracks
 from pedpred.scenes import OccupancyMap, Scene
-from pedpred.storage.tracks import MOST_NUMBERS
 
 _LARGEST_BYTES, _BLOCK_BYTES, _MOST_FILES = 2**31, 2**20, 100_000
-_log = logging.getLogger(__name__)
 
 
 class Reader(Protocol):
@@ -66,22 +63,9 @@ class Reader(Protocol):
         """Read a file; raises `ContentError`, without the path."""
 
 
-FORMATS = cast(
-    tuple[Reader, ...],
-    (
-        jupedsim,
-        data_archive,
-        sumo,
-        stanford,
-        drones,
-        motion_capture,
-        vadere,
-        viswalk,
-        kitti,
-        atc,
-        trajnet,
-        vsp,
-    ),
+FORMATS: tuple[Reader, ...] = (
+    *(jupedsim, data_archive, sumo, stanford, drones, motion_capture),
+    *(vadere, viswalk, kitti, atc, trajnet, vsp),
 )
 """The first one that recognises a file is used; where none does, it is a table."""
 
@@ -138,22 +122,20 @@ def read_recording(path: Path, options: ReadOptions | None = None, with_walls: b
         form, content = "one person per file", _read_folder(path, options)
     else:
         reader = format_of(path, options)
-        with _unpacked(path) as plain, add_path(path):
+        with _unpack(path) as plain, add_path(path):
             form, content = reader.NAME, reader.read(plain, options)
     with add_path(path):
         tracks = to_tracks(str(path), content, options)
         unit = agreed_unit(content.unit, options)
         dt_s = check(tracks.people, str(path), unit, options.any_speed)
         walls = content.walls() if content.walls is not None and with_walls else None
-        if isinstance(walls, Geometry):
-            ground = occupancy_of(walls, CELL_M, WALL_M)
-        else:
-            walls, ground = None, OccupancyMap.free_around(tracks.people.position)
-        return Recording(Scene(path.stem, tracks.people, ground, dt_s), tracks.names, form, walls)
+        people = tracks.people
+        ground = occupancy_of(walls, CELL_M, WALL_M) if walls else OccupancyMap.free_around(people.position)
+        return Recording(Scene(path.stem, people, ground, dt_s), tracks.names, form, walls)
 
 
 @contextmanager
-def _unpacked(path: Path) -> Iterator[Path]:
+def _unpack(path: Path) -> Iterator[Path]:
     """The file, or a temporary one with the content of a file that is compressed with gzip."""
     with path.open("rb") as file:
         if file.read(len(GZIP)) != GZIP:
@@ -161,12 +143,11 @@ def _unpacked(path: Path) -> Iterator[Path]:
             return
     with TemporaryDirectory() as folder, add_path(path):
         plain = Path(folder, path.stem)
-        size = 0
         with gzip.open(path) as packed, plain.open("wb") as file:
             while block := packed.read(_BLOCK_BYTES):
-                if (size := size + len(block)) > _LARGEST_BYTES:
-                    raise ContentError(f"it unpacks to more than {_LARGEST_BYTES} bytes", "Divide the file")
                 file.write(block)
+                if file.tell() > _LARGEST_BYTES:
+                    raise ContentError(f"it unpacks to more than {_LARGEST_BYTES} bytes", "Divide the file")
         yield plain
 
 
@@ -175,27 +156,17 @@ def _read_folder(folder: Path, options: ReadOptions) -> Table:
     check_input(folder, folder=True)
     files = sorted(file for file in folder.iterdir() if file.is_file() and not file.name.startswith("."))
     if not 0 < len(files) <= _MOST_FILES:
-        raise InputError(
-            folder, None, f"{len(files)} files, expected 1 to {_MOST_FILES}", "Name another folder"
-        )
+        problem = f"{len(files)} files, expected 1 to {_MOST_FILES}"
+        raise InputError(folder, None, problem, "Name another folder")
     parts, count = [], 0
     for file in files:
         reader = format_of(file, options)
         with add_path(file):
-            content = reader.read(file, options)
-            if content.open_order:
-                raise ContentError("no header", "Name the columns in order: --columns frame,x,y")
-            columns = {name: content.rows[name] for name in content.rows.column_names if name != "id"}
-            columns |= {axis: pa.array(numbers(columns[axis], axis, content.before)) for axis in "xy"}
-            who = pa.DictionaryArray.from_arrays(
-                pa.array([0] * content.rows.num_rows, pa.int32()), [file.stem]
-            )
-            parts.append(
-                replace(content, rows=pa.table(columns | {"id": who.cast(pa.string())}), before=None)
-            )
-            if (count := count + content.rows.num_rows) * 4 > MOST_NUMBERS:
-                raise ContentError(
-                    f"more than {MOST_NUMBERS // 4} rows in the files up to this one", "Divide the folder"
-                )
+            part = reader.read(file, options)
+            columns = {name: part.rows[name] for name in part.rows.column_names}
+            columns |= {axis: pa.array(numbers(columns[axis], axis, part.before)) for axis in "xy"}
+            columns["id"] = pa.array([file.stem] * part.rows.num_rows, pa.string())
+            parts.append(pa.table(columns).select(sorted(columns)))
+            check_size(count := count + part.rows.num_rows)
     with add_path(folder):
-        return replace(parts[0], rows=pa.concat_tables([part.rows for part in parts]))
+        return replace(part, rows=pa.concat_tables(parts), before=None)

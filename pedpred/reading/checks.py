@@ -18,7 +18,6 @@ _LONGEST_S = 5.0
 _TOO_LONG = {5e6: "nanoseconds", 5e3: "microseconds", _LONGEST_S: "milliseconds or frame numbers"}
 _SPAN_S = 0.4
 """Speeds are measured over this time at least, so that noise and short steps do not count."""
-_BLOCK_ROWS = 2**16
 _log = logging.getLogger(__name__)
 
 
@@ -35,27 +34,19 @@ def check(people: Trajectories, name: str, unit: str = "m", any_speed: bool = Fa
         ContentError: no track has two detections, times are not seconds, or people are too fast.
     """
     if not len(people):
-        raise ContentError(
-            "no detections: no row has an id, a time and a position", "Name a file with tracks"
-        )
+        problem = "no detections: no row has an id, a time and a position"
+        raise ContentError(problem, "Name a file with tracks")
     try:
         dt_s = people.usual_interval_s()
     except ValueRuleError as cause:
-        remedy = (
-            "A track needs several detections: is the right column used as id? Name it: --columns id=TITLE"
-        )
+        remedy = "Is the right column used as id? Name it: --columns id=TITLE"
         raise ContentError(str(cause), remedy) from cause
-    check_interval(dt_s)
-    check_speeds(name, people, unit, any_speed)
+    _check_interval(dt_s)
+    _check_speeds(people, name, unit, any_speed)
     return dt_s
 
 
-def check_interval(dt_s: float) -> None:
-    """Check that the usual time between two detections of a track can be seconds.
-
-    Raises:
-        ContentError: it is too long; the message names the likely unit.
-    """
+def _check_interval(dt_s: float) -> None:
     for least, unit in _TOO_LONG.items():
         if dt_s >= least:
             problem = f"a track is usually detected every {dt_s:g} s: this looks like {unit}"
@@ -63,19 +54,16 @@ def check_interval(dt_s: float) -> None:
             raise ContentError(problem, remedy)
 
 
-def check_speeds(name: str, people: Trajectories, unit: str = "m", any_speed: bool = False) -> None:
-    """Check that people move as fast as people do; arguments and errors as of `check`."""
+def _check_speeds(people: Trajectories, name: str, unit: str, any_speed: bool) -> None:
     speed_mps = speeds_mps(people)
     if not len(speed_mps):
         return
-    usual_mps, half_mps = (float(np.percentile(speed_mps, share)) for share in (99, 50))
+    usual_mps, half_mps = np.percentile(speed_mps, (99, 50)).tolist()
     speeds = f"people move at up to {usual_mps:.3g} m/s (1 % are faster), {half_mps:.3g} m/s half of the time"
-    if usual_mps > FASTEST_MPS:
-        speeds = f"{speeds}, faster than people walk"
-        if not any_speed:
-            lengths = "--unit if lengths are not metres, " if unit == "m" else ""
-            remedy = f"Give {lengths}--rate if the frame rate differs, or --any-speed to read it as it is"
-            raise ContentError(speeds, remedy)
+    if usual_mps > FASTEST_MPS and not any_speed:
+        lengths = "--unit if lengths are not metres, " if unit == "m" else ""
+        remedy = f"Give {lengths}--rate if the frame rate differs, or --any-speed to read it as it is"
+        raise ContentError(f"{speeds}, faster than people walk", remedy)
     if usual_mps > _RUNNING_MPS:
         _log.warning("%s: %s", name, speeds)
     elif usual_mps < _SLOWEST_MPS:
@@ -89,16 +77,12 @@ def speeds_mps(people: Trajectories) -> np.ndarray:
     if not len(people):
         return np.zeros(0)
     order = np.argsort(people.track_id, kind="stable")  # rows are in order of time
-    starts = np.diff(people.track_id[order], prepend=people.track_id[order[0]]) != 0
-    clock = np.cumsum(starts) * (np.ptp(people.time_s) + 2 * _SPAN_S)
-    clock += people.time_s[order]  # rises over all tracks, one after the other
-    parts = []
-    for first in range(0, len(order), _BLOCK_ROWS):
-        now = slice(first, first + _BLOCK_ROWS)
-        later = np.minimum(np.searchsorted(clock, clock[now] + _SPAN_S - 1e-6), len(order) - 1)
-        row, then = order[now], order[later]
-        after_s = people.time_s[then] - people.time_s[row]
-        measured = (people.track_id[then] == people.track_id[row]) & (after_s >= _SPAN_S / 2)
-        way_m = np.linalg.norm(people.position[then] - people.position[row], axis=-1)
-        parts.append(way_m[measured] / after_s[measured])
-    return np.concatenate(parts)
+    track_id, time_s = people.track_id[order], people.time_s[order]
+    starts = np.diff(track_id, prepend=track_id[0]) != 0
+    clock = time_s + np.cumsum(starts) * (np.ptp(time_s) + 2 * _SPAN_S)  # rises over all tracks
+    later = np.minimum(np.searchsorted(clock, clock + _SPAN_S - 1e-6), len(clock) - 1)
+    after_s = time_s[later] - time_s
+    measured = (track_id[later] == track_id) & (after_s >= _SPAN_S / 2)
+    rows, then = order[measured], order[later[measured]]
+    way_m = np.linalg.norm(people.position[then] - people.position[rows], axis=-1)
+    return np.asarray(way_m / after_s[measured])

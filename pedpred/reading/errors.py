@@ -12,6 +12,8 @@ from pedpred.files import translate_errors
 
 CORRECT = "Correct the file or fetch it again"
 NO_PEDESTRIAN = "Only pedestrians are read: name a recording with some"
+NO_DOCTYPE = ("a document type, which could define entities", "Remove the line <!DOCTYPE ...>")
+"""XML with a document type is refused: problem and remedy."""
 
 
 class ContentError(PedpredError):
@@ -26,6 +28,20 @@ class ContentError(PedpredError):
     def __init__(self, problem: str, remedy: str = CORRECT, line: int | None = None):
         super().__init__(problem)
         self.problem, self.remedy, self.line = problem, remedy, line
+
+
+def row_error(row: int, before: int | None, problem: str, remedy: str = CORRECT) -> ContentError:
+    """Make an error about a row.
+
+    Args:
+        row: its number, from 0.
+        before: lines of a text before the first row; None: the file has no lines.
+        problem: what is wrong.
+        remedy: what to do.
+    """
+    if before is None:
+        return ContentError(f"row {row + 1}: {problem}", remedy)
+    return ContentError(problem, remedy, before + int(row) + 1)
 
 
 @contextmanager

@@ -18,10 +18,7 @@ _TABLE = "Save it as CSV with the columns time,id,x,y"
 _MOTION_CAPTURE = "Write a line per body and instant, with the columns time,id,x,y (x, y: axes of the ground)"
 _OTHERS = (
     (rb"PK\x03\x04", "a zip archive or a spreadsheet", "Unpack it, or save the table as CSV"),
-    (rb"BZh", "a bzip2 archive", "Unpack it"),
-    (rb"\xfd7zXZ\x00", "an xz archive", "Unpack it"),
-    (rb"\x28\xb5\x2f\xfd", "a Zstandard archive", "Unpack it"),
-    (rb"[\s\S]{257}ustar", "a tar archive", "Unpack it"),
+    (rb"BZh|\xfd7zXZ\x00|\x28\xb5\x2f\xfd|[\s\S]{257}ustar", "an archive", "Unpack it"),
     (rb"#ROSBAG V", "a bag of ROS 1", "Give it a name that ends in .bag"),
     (rb"\x93NUMPY", "an array of NumPy", _TABLE),
     (rb"\x80[\x02-\x05]", "a pickle of Python", f"{_TABLE}; pickles are not opened"),

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 from pedpred.errors import ValueRuleError
 from pedpred.geometry import Homography
-from pedpred.settings import check_choice
+from pedpred.settings import In, OneOf, Settings, check_choice
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "inch": 0.0254}
 """Metres per unit of length."""
@@ -16,12 +17,11 @@ PIXELS = "px"
 QUANTITIES = ("time", "frame", "id", "x", "y", "class")
 """What columns may hold."""
 SLOWEST_HZ, FASTEST_HZ = 1e-3, 1e6
-_LARGEST_PIXEL_M = 10.0
 _SAME_RATE = 1e-5  # rates such as 29.97 and 30000/1001 are one
 
 
 @dataclass(frozen=True)
-class ReadOptions:
+class ReadOptions(Settings):
     """Options for what a file of tracks does not contain; None or empty: it does, or it is not needed.
 
     Attributes:
@@ -39,50 +39,39 @@ class ReadOptions:
     """
 
     columns: Mapping[str, str] | tuple[str, ...] | None = None
-    rate_hz: float | None = None
-    unit: str | None = None
-    pixel_m: float | None = None
+    rate_hz: Annotated[float, In(f"[{SLOWEST_HZ}, {FASTEST_HZ}]")] | None = None
+    unit: Annotated[str, OneOf(tuple(UNITS))] | None = None
+    pixel_m: Annotated[float, In("(0, 10]")] | None = None
     homography: Homography | None = None
     classes: tuple[str, ...] = ()
     delimiter: str | None = None
-    decimal: str = "."
+    decimal: Annotated[str, OneOf((".", ","))] = "."
     encoding: str | None = None
     any_speed: bool = False
     one_person_per_file: bool = False
 
     def __post_init__(self) -> None:
-        if self.columns is not None:
-            self._check_columns(self.columns)
-        if self.rate_hz is not None and not SLOWEST_HZ <= self.rate_hz <= FASTEST_HZ:
-            raise ValueRuleError("rate_hz", self.rate_hz, "it must be a number from 0.001 to 1000000 Hz")
-        if self.unit is not None:
-            check_choice("unit", self.unit, list(UNITS))
-        if self.pixel_m is not None and not 0.0 < self.pixel_m <= _LARGEST_PIXEL_M:
-            rule = f"it must be positive, at most {_LARGEST_PIXEL_M} m"
-            raise ValueRuleError("pixel_m", self.pixel_m, rule)
+        super().__post_init__()
+        self._check_columns()
         if sum(value is not None for value in (self.unit, self.pixel_m, self.homography)) > 1:
             field = "unit" if self.unit is not None else "pixel_m"
             rule = "unit, size of a pixel and homography exclude each other: give one"
             raise ValueRuleError(field, getattr(self, field), rule)
         if self.delimiter is not None and (len(self.delimiter) != 1 or self.delimiter in '"\r\n'):
             raise ValueRuleError("delimiter", self.delimiter, "it must be one character, such as ;")
-        check_choice("decimal", self.decimal, [".", ","])
         if self.decimal == "," == self.delimiter:
             raise ValueRuleError("decimal", ",", "it cannot be the delimiter, too")
 
-    def _check_columns(self, columns: Mapping[str, str] | tuple[str, ...]) -> None:
-        names = list(columns)
-        needed = ["x", "y"] if self.one_person_per_file else ["id", "x", "y"]
-        if isinstance(columns, Mapping) and (unknown := [name for name in names if name not in QUANTITIES]):
-            raise ValueRuleError(
-                "columns", unknown[0], f"name some of {', '.join(QUANTITIES)}, as in id=TITLE"
-            )
-        if isinstance(columns, tuple):
-            missing = [name for name in needed if names.count(name) != 1]
-            if missing or sum(names.count(name) for name in ("time", "frame")) != 1:
-                rule = (
-                    "name all columns in order, each of id, x, y and time or frame once, such as frame,id,x,y"
-                )
+    def _check_columns(self) -> None:
+        names = list(self.columns or ())
+        if isinstance(self.columns, Mapping):
+            for name in names:
+                check_choice("columns", name, QUANTITIES)
+        elif self.columns is not None:
+            needed = ["x", "y"] if self.one_person_per_file else ["id", "x", "y"]
+            clocks = names.count("time") + names.count("frame")
+            if any(names.count(name) != 1 for name in needed) or clocks != 1:
+                rule = "name all columns in order, each of id, x, y and time or frame once: frame,id,x,y"
                 raise ValueRuleError("columns", ",".join(names), rule)
 
     @property

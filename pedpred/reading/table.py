@@ -16,17 +16,20 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
+from pyarrow import dataset
 
 from pedpred.reading.errors import ContentError
+from pedpred.reading.geometry import Geometry
 from pedpred.reading.head import Head
 from pedpred.reading.options import PIXELS, QUANTITIES, UNITS, ReadOptions
-from pedpred.reading.text import BLANKS, TextForm, first_lines, read_columns
-from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.reading.order import check_changes, ids_come_first
+from pedpred.reading.text import BLANKS, TextForm, check_size, first_lines, numbers, read_columns
 
 NAME = "table"
+_PARQUET = b"PAR1"
 TITLES = {
     "time": ("time", "t", "timestamp", "time_stamp", "sim_time", "timestep_time", "seconds", "datetime"),
     "frame": ("frame", "frame_id", "frame_number", "frame_no", "frame_index"),
@@ -40,10 +43,14 @@ _CLOCKS_S = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns":
 _LENGTHS = {name: name for name in (*UNITS, PIXELS)} | {"metres": "m", "meters": "m", "pixels": PIXELS}
 _IN_BRACKETS = re.compile(r"(.+?)\s*(?:[(\[]\s*(\w+)\s*[)\]]|/\s*(\w+))")
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
-_RATE = re.compile(r"(?:frame[ _-]?rate|fps)\W{0,3}(\d+(?:\.\d+)?)", re.IGNORECASE)
-_RATE_AFTER = re.compile(r"(\d+(?:\.\d+)?)\s*fps\b", re.IGNORECASE)
-_UNIT = re.compile(
-    r"\b[xy]\s*(?:/|\[|\()\s*(m|cm|mm|ft|inch|px)\b|\bin (m|cm|mm|ft|inch|px)\W*$", re.IGNORECASE
+_RATES = (
+    re.compile(r"(?:frame[ _-]?rate|fps)\W{0,3}(\d+(?:\.\d+)?)", re.IGNORECASE),
+    re.compile(r"(\d+(?:\.\d+)?)\s*fps\b", re.IGNORECASE),
+)
+_LENGTH = r"(m|cm|mm|ft|inch|px)"
+_UNITS = (
+    re.compile(rf"\b[xy]\s*[/\[(]\s*{_LENGTH}\b", re.IGNORECASE),
+    re.compile(rf"\bin {_LENGTH}\W*$", re.IGNORECASE),
 )
 _COMMENTS, _MOST_COMMENTS = ("#", "%", "//"), 1000
 _TRANSPOSED_ROWS, _WIDE = (4, 5), 20
@@ -61,16 +68,14 @@ class Table:
         walls: reads the geometry inside the file; None: it has none.
         clock_s: what a time of 1 lasts, s.
         before: lines before the first row, for errors; None: the file is no text.
-        open_order: `id` and `frame` may be exchanged, and how people move decides it.
     """
 
     rows: pa.Table
     unit: str | None = None
     rate_hz: float | None = None
-    walls: Callable[[], object] | None = None
+    walls: Callable[[], Geometry | None] | None = None
     clock_s: float = 1.0
     before: int | None = None
-    open_order: bool = False
 
 
 @dataclass(frozen=True)
@@ -84,8 +89,8 @@ class Columns:
     """
 
     titles: Mapping[str, str]
-    unit: str | None
-    clock_s: float
+    unit: str | None = None
+    clock_s: float = 1.0
 
 
 def find_columns(titles: Sequence[str], options: ReadOptions) -> Columns:
@@ -95,42 +100,29 @@ def find_columns(titles: Sequence[str], options: ReadOptions) -> Columns:
         ContentError: one is missing, or two columns have its title.
     """
     named = options.columns if isinstance(options.columns, Mapping) else {}
-    plain = {title: _plain(title) for title in titles}
-    found: dict[str, str] = {}
-    for quantity in QUANTITIES:
-        if quantity in named:
-            if titles.count(named[quantity]) != 1:
-                count = f"{titles.count(named[quantity])} columns {named[quantity]!r}"
-                remedy = f"Name one of them: --columns {quantity}=TITLE"
-                raise ContentError(f"{count}; there are {_listed(titles)}", remedy)
-            found[quantity] = named[quantity]
-            continue
-        for known in TITLES[quantity]:
-            if matches := [
-                title for title in titles if plain[title][0] == known and title not in named.values()
-            ]:
-                found[quantity] = matches[0]
-                break
-    if "time" in found and "frame" in found:
+    plain = {title: _plain(title) for title in titles if title not in named.values()}
+    by_name = {name: title for title, (name, _) in reversed(plain.items())}
+    known = {name: [by_name[one] for one in TITLES[name] if one in by_name] for name in QUANTITIES}
+    found = {name: own[0] for name, own in known.items() if own and name not in named} | dict(named)
+    if {"time", "frame"} <= set(found):
         del found["time" if "frame" in named and "time" not in named else "frame"]
     clock = "frame" if "frame" in found else "time"
     needed = (clock, "x", "y") if options.one_person_per_file else (clock, "id", "x", "y")
-    if missing := [quantity for quantity in needed if quantity not in found]:
+    missing = [name for name in needed if name not in found]
+    missing += [name for name, title in found.items() if title not in titles]
+    if missing:
         what = ", ".join(missing).replace("time", "time or frame")
-        problem = f"no column for {what}; there are {_listed(titles)}"
-        named_all = ",".join(f"{quantity}=TITLE" for quantity in missing)
-        raise ContentError(problem, f"Name what is missing: --columns {named_all}")
+        problem = f"no column for {what}; there are {', '.join(titles)[:200] or 'none'}"
+        remedy = ",".join(f"{name}=TITLE" for name in missing)
+        raise ContentError(problem, f"Name what is missing: --columns {remedy}")
     if repeated := [title for title in found.values() if titles.count(title) > 1]:
-        raise ContentError(
-            f"several columns {repeated[0]!r}", "Name all columns in order: --columns time,id,x,y"
-        )
-    units = {_LENGTHS[unit] for axis in "xy" if (unit := plain[found[axis]][1]) in _LENGTHS}
+        remedy = "Name all columns in order: --columns time,id,x,y"
+        raise ContentError(f"several columns {repeated[0]!r}", remedy)
+    unit_of = {name: _plain(title)[1] for name, title in found.items()}
+    units = {_LENGTHS[unit_of[axis]] for axis in "xy" if unit_of[axis] in _LENGTHS}
     if len(units) > 1:
         raise ContentError(f"x and y have the units {' and '.join(sorted(units))}", "Correct the titles")
-    unit = plain[found[clock]][1]
-    return Columns(
-        found, units.pop() if units else None, _CLOCKS_S.get(unit, 1.0) if clock == "time" else 1.0
-    )
+    return Columns(found, next(iter(units), None), _CLOCKS_S.get(unit_of.get("time", ""), 1.0))
 
 
 def _plain(title: str) -> tuple[str, str]:
@@ -144,10 +136,6 @@ def _plain(title: str) -> tuple[str, str]:
     return name, unit
 
 
-def _listed(titles: Sequence[str]) -> str:
-    return ", ".join(map(str, titles))[:200] or "none"
-
-
 def read(path: Path, options: ReadOptions, also: Sequence[str] = ()) -> Table:
     """Read a text, Parquet or Feather.
 
@@ -159,25 +147,22 @@ def read(path: Path, options: ReadOptions, also: Sequence[str] = ()) -> Table:
     Raises:
         ContentError: columns are missing, or a line has another number of columns.
     """
-    raw = Head.of(path).raw
-    if is_columnar(raw):
+    if is_columnar(Head.of(path).raw):
         return _read_columnar(path, options)
     form, comments, has_header = text_form(path, options)
-    if isinstance(options.columns, tuple):
-        titles = _by_position(options.columns, len(form.titles))
-        columns = Columns({name: name for name in QUANTITIES if name in titles}, None, 1.0)
-        form = replace(form, titles=titles)
-    elif has_header:
-        columns = find_columns(form.titles, options)
-    else:
+    if not has_header and not isinstance(options.columns, tuple):
         return _read_untitled(path, form, comments, options)
+    if isinstance(options.columns, tuple):
+        form = replace(form, titles=_by_position(options.columns, len(form.titles)))
+        columns = Columns({name: name for name in QUANTITIES if name in form.titles})
+    else:
+        columns = find_columns(form.titles, options)
     _log.info("%s: %s", path, ", ".join(f"{name}: {title}" for name, title in columns.titles.items()))
     unit, rate_hz = find_unit_and_rate(comments)
     wanted = {**columns.titles, **{title: title for title in also if title in form.titles}}
     words = ["id", "class", *(title for title in also if title.endswith("_id"))]
-    rows = read_columns(path, form, wanted, words)
     return Table(
-        rows,
+        read_columns(path, form, wanted, words),
         columns.unit or unit,
         rate_hz if "frame" in columns.titles else None,
         clock_s=columns.clock_s,
@@ -185,10 +170,19 @@ def read(path: Path, options: ReadOptions, also: Sequence[str] = ()) -> Table:
     )
 
 
+def _by_position(columns: Sequence[str], width: int) -> list[str]:
+    """The titles of all columns, by the quantities in their order."""
+    if len(columns) > width:
+        problem = f"{width} columns, but --columns names {len(columns)}"
+        raise ContentError(problem, "Name all columns in order, or give --delimiter")
+    names = [*columns, *([""] * (width - len(columns)))]
+    return [name if name in QUANTITIES else f"column {at}" for at, name in enumerate(names, start=1)]
+
+
 def _read_untitled(path: Path, form: TextForm, comments: Sequence[str], options: ReadOptions) -> Table:
-    """Read `id frame x y` or `frame id x y`; which of them it is, is decided later."""
+    """Read `id frame x y` or `frame id x y`, whichever fits how people move."""
     width = len(form.titles)
-    if options.columns is not None:
+    if options.columns is not None or options.one_person_per_file:
         raise ContentError(
             "no header, so that no column has a title", "Name all in order: --columns frame,id,x,y"
         )
@@ -203,11 +197,40 @@ def _read_untitled(path: Path, form: TextForm, comments: Sequence[str], options:
         raise ContentError(
             problem, "Separate values by blanks, tabs, commas or semicolons, or give --delimiter"
         )
+    form = replace(form, titles=_by_position(("id", "frame", "x", "y"), width))
+    wanted = {name: name for name in ("id", "frame", "x", "y")}
+    rows = read_columns(path, form, wanted, ("id", "frame"))
+    names = _order(rows, form.skipped)
+    _log.info("%s: columns, ordered by how people move: %s, x, y", path, ", ".join(names))
     unit, rate_hz = find_unit_and_rate(comments)
-    titles = ("id", "frame", "x", "y", *(f"column {k}" for k in range(5, width + 1)))
-    form = replace(form, titles=titles)
-    rows = read_columns(path, form, {title: title for title in titles[:4]}, ("id", "frame"))
-    return Table(rows, unit, rate_hz, before=form.skipped, open_order=True)
+    return Table(rows.rename_columns([*names, "x", "y"]), unit, rate_hz, before=form.skipped)
+
+
+def _order(rows: pa.Table, before: int) -> tuple[str, str]:
+    """What the first two columns are: `id` and `frame`, or `time` where they have fractions.
+
+    Raises:
+        ContentError: the file could be read in both ways, or x or y never changes.
+    """
+    position = np.stack([rows[axis].to_numpy() for axis in "xy"], axis=-1)
+    placed = np.isfinite(position).all(axis=-1)
+    check_changes(*position[placed].T)
+    try:
+        first, second = (numbers(rows[name], name, before)[placed] for name in ("id", "frame"))
+    except ContentError:  # one holds words
+        return ("frame", "id") if _holds_numbers(rows["id"]) else ("id", "frame")
+    fractions = [bool((values != np.rint(values)).mean() > 0.25) for values in (first, second)]
+    if any(fractions):
+        return ("id", "time") if fractions[1] else ("time", "id")
+    return ("id", "frame") if ids_come_first(first, second, position[placed]) else ("frame", "id")
+
+
+def _holds_numbers(column: pa.ChunkedArray) -> bool:
+    try:
+        numbers(column, "")
+    except ContentError:
+        return False
+    return True
 
 
 def text_form(path: Path, options: ReadOptions) -> tuple[TextForm, list[str], bool]:
@@ -220,8 +243,8 @@ def text_form(path: Path, options: ReadOptions) -> tuple[TextForm, list[str], bo
         ContentError: the file is empty.
     """
     lines = first_lines(path, _MOST_COMMENTS, options.encoding)
-    blank = (number for number, line in enumerate(lines) if line.strip() and not line.startswith(_COMMENTS))
-    first = next(blank, None)
+    rows = (number for number, line in enumerate(lines) if line.strip() and not line.startswith(_COMMENTS))
+    first = next(rows, None)
     if first is None:
         raise ContentError("no detections, the file is empty", "Name a file with tracks")
     comments = [line for line in lines[:first] if line.strip()]
@@ -230,11 +253,10 @@ def text_form(path: Path, options: ReadOptions) -> tuple[TextForm, list[str], bo
     form = TextForm(fields, delimiter, first, options.encoding, options.decimal)
     if not any(map(_is_number, fields)):
         return replace(form, skipped=first + 1), comments, True
-    if isinstance(options.columns, tuple):
-        return form, comments, False
     titles = _fields(comments[-1].lstrip("#%/ \t"), delimiter) if comments else []
-    has_header = len(titles) == len(fields) and _are_known(titles, options)
-    return (replace(form, titles=titles) if has_header else form), comments, has_header
+    if len(titles) == len(fields) and _are_known(titles, options):
+        return replace(form, titles=titles), comments, True
+    return form, comments, False
 
 
 def _are_known(titles: Sequence[str], options: ReadOptions) -> bool:
@@ -261,19 +283,9 @@ def _fields(line: str, delimiter: str) -> list[str]:
 
 def _is_number(field: str) -> bool:
     try:
-        float(field.replace(",", "."))
+        return bool(np.isfinite(float(field.replace(",", "."))))
     except ValueError:
         return False
-    return field.lower() not in ("nan", "inf", "infinity")
-
-
-def _by_position(columns: Sequence[str], width: int) -> list[str]:
-    """The given titles; others that repeat are told apart, and missing ones at the end are added."""
-    if len(columns) > width:
-        problem = f"{width} columns, but --columns names {len(columns)}"
-        raise ContentError(problem, "Name all columns in order, or give --delimiter")
-    names = [*columns, *([""] * (width - len(columns)))]
-    return [name if name in QUANTITIES else f"column {at}" for at, name in enumerate(names, start=1)]
 
 
 def find_unit_and_rate(comments: Sequence[str]) -> tuple[str | None, float | None]:
@@ -282,72 +294,39 @@ def find_unit_and_rate(comments: Sequence[str]) -> tuple[str | None, float | Non
     Raises:
         ContentError: there are several.
     """
-    rates = {
-        float(match[1]) for text in comments for match in (*_RATE.finditer(text), *_RATE_AFTER.finditer(text))
-    }
-    units = {(match[1] or match[2]).lower() for text in comments for match in _UNIT.finditer(text)}
+    rates = {float(match[1]) for text in comments for one in _RATES for match in one.finditer(text)}
+    units = {match[1].lower() for text in comments for one in _UNITS for match in one.finditer(text)}
     for what, found in (("frame rates", rates), ("units of lengths", units)):
         if len(found) > 1:
             listed = " and ".join(map(str, sorted(found)))
             raise ContentError(f"the comments name the {what} {listed}", "Correct them")
-    return (units.pop() if units else None), (rates.pop() if rates else None)
+    return next(iter(units), None), next(iter(rates), None)
 
 
 def is_columnar(raw: bytes) -> bool:
     """Whether a file that begins like this is Parquet or Feather."""
-    return raw.startswith((b"PAR1", b"ARROW1", b"FEA1"))
-
-
-def column_titles(path: Path) -> list[str]:
-    """The titles of a Parquet or Feather file."""
-    if Head.of(path).raw.startswith(b"PAR1"):
-        return [str(name) for name in pq.read_schema(path).names]
-    with pa.memory_map(str(path)) as file:
-        return [str(name) for name in pa.ipc.open_file(file).schema.names]
+    return raw.startswith((_PARQUET, b"ARROW1"))
 
 
 def _read_columnar(path: Path, options: ReadOptions) -> Table:
-    columns = find_columns(column_titles(path), options)
-    return Table(read_columnar(path, columns.titles), columns.unit, clock_s=columns.clock_s)
-
-
-def read_columnar(path: Path, wanted: Mapping[str, str]) -> pa.Table:
-    """Read some columns of Parquet or Feather; others are not decoded.
+    """Read the columns that are needed of Parquet or Feather; others are not decoded.
 
     Raises:
-        ContentError: there are too many rows, or the file is damaged.
+        ContentError: a column is missing, or there are too many rows.
     """
-    most = MOST_NUMBERS // max(4, len(wanted))
-    used = list(dict.fromkeys(wanted.values()))
-    table = None
+    scanned = dataset.ParquetFragmentScanOptions(page_checksum_verification=True)
+    parquet = dataset.ParquetFileFormat(default_fragment_scan_options=scanned)
+    file = dataset.dataset(path, format=parquet if Head.of(path).raw.startswith(_PARQUET) else "feather")
+    columns = find_columns(file.schema.names, options)
+    check_size(file.count_rows())
+    rows = None
     with suppress(MemoryError):  # of a size in a damaged file, which no machine has
-        if Head.of(path).raw.startswith(b"PAR1"):
-            with pq.ParquetFile(path, page_checksum_verification=True) as file:
-                _check_rows(file.metadata.num_rows, most)
-                table = file.read(used)
-        else:
-            table = _read_feather(path, used, most)
-    if table is None:
+        rows = file.to_table(columns=list(set(columns.titles.values())), use_threads=False)
+    if rows is None:
         raise ContentError("it is damaged: it declares more values than fit into memory")
-    table.validate(full=True)
-    return pa.table({name: table[title] for name, title in wanted.items()})
-
-
-def _read_feather(path: Path, used: Sequence[str], most: int) -> pa.Table:
-    with pa.OSFile(str(path)) as source:
-        schema = pa.ipc.open_file(source).schema
-        chosen = pa.ipc.IpcReadOptions(included_fields=sorted(map(schema.get_field_index, used)))
-        file = pa.ipc.open_file(source, options=chosen)
-        batches: list[pa.RecordBatch] = []
-        for number in range(file.num_record_batches):
-            batches.append(file.get_batch(number))
-            _check_rows(sum(map(len, batches)), most)
-        return pa.Table.from_batches(batches, file.schema if not batches else None)
-
-
-def _check_rows(rows: int, most: int) -> None:
-    if rows > most:
-        raise ContentError(f"{rows} rows, at most {most}", "Divide the file")
+    rows.validate(full=True)
+    rows = pa.table({name: rows[title] for name, title in columns.titles.items()})
+    return Table(rows, columns.unit, clock_s=columns.clock_s)
 
 
 def from_frame(frame: pd.DataFrame, options: ReadOptions) -> tuple[Table, pd.Index]:
@@ -363,14 +342,15 @@ def from_frame(frame: pd.DataFrame, options: ReadOptions) -> tuple[Table, pd.Ind
     frame = frame.reset_index(level=levels) if levels else frame
     titles = list(map(str, frame.columns))
     columns = find_columns(titles, options)
-    values = {name: frame.iloc[:, titles.index(title)] for name, title in columns.titles.items()}
-    number, people = pd.factorize(values["id"])
-    arrays: dict[str, pa.Array] = {"id": pa.array(number, mask=number < 0)}
-    for name, column in values.items():
-        if name != "id":
-            plain = column.astype(object).where(column.notna(), None) if column.dtype == object else column
-            if column.dtype == object:
-                plain = plain.map(lambda value: None if value is None else str(value))
-            arrays[name] = pa.array(plain, from_pandas=True)
-    table = pa.table({name: pa.chunked_array([array]) for name, array in arrays.items()})
-    return Table(table, columns.unit, clock_s=columns.clock_s), people
+    arrays: dict[str, pa.ChunkedArray] = {}
+    for name, title in columns.titles.items():
+        values = frame.iloc[:, titles.index(title)]
+        if name == "id":
+            number, people = pd.factorize(values)
+            array = pa.array(number, mask=number < 0)
+        elif values.dtype == object:
+            array = pa.array(values.map(str, na_action="ignore"), pa.string(), from_pandas=True)
+        else:
+            array = pa.array(values, from_pandas=True)
+        arrays[name] = pa.chunked_array([array])
+    return Table(pa.table(arrays), columns.unit, clock_s=columns.clock_s), people

@@ -1,22 +1,23 @@
-"""Columns of text files: streamed through PyArrow, bounded, with errors that name the line."""
+"""Columns of text files: read in blocks, bounded, with errors that name the line."""
 
 from __future__ import annotations
 
-import codecs
-import io
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 from pyarrow import csv
 
 from pedpred.errors import brief
-from pedpred.reading.errors import CORRECT, ContentError
+from pedpred.reading.errors import CORRECT, ContentError, row_error
 from pedpred.reading.head import UTF_16
 from pedpred.storage.tracks import MOST_NUMBERS
 
@@ -24,7 +25,7 @@ BLANKS = " "
 """The delimiter that stands for any number of blanks and tabs."""
 MISSING = ("", "?", "-", "nan", "na", "n/a", "<na>", "nat", "null", "none")
 """Spellings of a missing value, in small letters."""
-_CHUNK, _LONGEST_LINE = 2**20, 2**20
+_BLOCK, _LONGEST_LINE = 2**21, 2**20
 _EXACT = 2**53  # floats of larger whole numbers are rounded
 
 
@@ -47,77 +48,50 @@ class TextForm:
     decimal: str = "."
 
 
+def check_size(rows: int, columns: int = 4) -> None:
+    """Check that a table is not too large.
+
+    Raises:
+        ContentError: it has more than `MOST_NUMBERS` values.
+    """
+    if rows > (most := MOST_NUMBERS // max(4, columns)):
+        raise ContentError(f"more than {most} rows", "Divide the file")
+
+
 def read_lines(path: Path, encoding: str | None = None) -> Iterator[str]:
     """Yield the lines of a text without their ends.
 
     Raises:
         ContentError: the file is not text in this encoding, or a line is absurdly long.
     """
-    rest = ""
-    for text in _chunks(path, encoding):
-        lines = re.split(r"\r\n|\r|\n", rest + text)
-        rest = lines.pop()
-        yield from lines
-        if len(rest) > _LONGEST_LINE:
-            raise ContentError(f"a line of more than {_LONGEST_LINE} characters")
-    if rest:
-        yield rest
+    with _open_text(path, encoding) as file:
+        while line := _next_line(file):
+            yield line.rstrip("\n")
 
 
-def _chunks(path: Path, encoding: str | None) -> Iterator[str]:
-    """Decode a file piece by piece; no piece ends between the two characters of a line end."""
-    with path.open("rb") as file:
-        raw = file.read(_CHUNK)
-        name = encoding or ("utf-16" if raw.startswith(UTF_16) else "utf-8-sig")
-        decoder = codecs.getincrementaldecoder(name)()
-        held = ""
-        while raw:
-            following = file.read(_CHUNK)
-            try:
-                text = held + decoder.decode(raw, final=not following)
-            except UnicodeError as cause:
-                remedy = "Give the encoding, such as --encoding cp1252, or save the file as UTF-8"
-                raise ContentError(f"the text is not {name} ({cause})"[:300], remedy) from cause
-            held = "\r" if text.endswith("\r") and following else ""
-            yield text[: len(text) - len(held)]
-            raw = following
+def first_lines(path: Path, count: int, encoding: str | None = None) -> list[str]:
+    """The first lines of a text."""
+    return list(islice(read_lines(path, encoding), count))
 
 
-class _Stream(io.RawIOBase):
-    """The rows of a text as UTF-8, without the lines before them; runs of blanks become one."""
+@contextmanager
+def _open_text(path: Path, encoding: str | None) -> Iterator[TextIO]:
+    if encoding is None:
+        with path.open("rb") as raw:
+            encoding = "utf-16" if raw.read(2) in UTF_16 else "utf-8-sig"
+    try:
+        with path.open(encoding=encoding) as file:
+            yield file
+    except UnicodeError as cause:
+        remedy = "Give the encoding, such as --encoding cp1252, or save the file as UTF-8"
+        raise ContentError(f"the text is not {encoding} ({cause})"[:300], remedy) from cause
 
-    def __init__(self, path: Path, form: TextForm):
-        self._chunks = _chunks(path, form.encoding)
-        self._skipped, self._blanks = form.skipped, form.delimiter == BLANKS
-        self._rest, self._ready = "", b""
 
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: object) -> int:
-        while not self._ready:
-            text = next(self._chunks, None)
-            if text is None:
-                self._ready, self._rest = self._rows(self._rest + "\n") if self._rest.strip() else b"", ""
-                break
-            end = max((self._rest + text).rfind("\n"), (self._rest + text).rfind("\r")) + 1
-            whole, self._rest = (self._rest + text)[:end], (self._rest + text)[end:]
-            if len(self._rest) > _LONGEST_LINE:
-                raise ContentError(f"a line of more than {_LONGEST_LINE} characters")
-            self._ready = self._rows(whole)
-        view = memoryview(buffer)  # type: ignore[arg-type]
-        count = min(len(view), len(self._ready))
-        view[:count] = self._ready[:count]
-        self._ready = self._ready[count:]
-        return count
-
-    def _rows(self, text: str) -> bytes:
-        while self._skipped and text:
-            text = re.sub(r"\A[^\r\n]*(\r\n|\r|\n)?", "", text, count=1)
-            self._skipped -= 1
-        if self._blanks:
-            text = re.sub(r"[ \t]*[\r\n]+[ \t]*", "\n", re.sub(r"[ \t]+", " ", text)).lstrip()
-        return text.encode()
+def _next_line(file: TextIO) -> str:
+    line = file.readline(_LONGEST_LINE)
+    if len(line) == _LONGEST_LINE:
+        raise ContentError(f"a line of more than {_LONGEST_LINE} characters")
+    return line
 
 
 def read_columns(
@@ -129,51 +103,50 @@ def read_columns(
         path: the file.
         form: how it is divided.
         wanted: name of a column of the result -> its title.
-        words: names of columns that are kept as text; of others, only `time` may be text, as dates are.
+        words: names of columns that are kept as text; in `time`, dates become seconds.
 
     Returns:
-        The columns: dictionaries of text, float64 (NaN: missing), or text.
+        The columns: dictionaries of text, or float64 (NaN: missing).
 
     Raises:
         ContentError: a line has another number of columns, a value is no number, or there are too many lines.
     """
-    names = [str(number) for number in range(len(form.titles))]
-    at = {name: names[list(form.titles).index(title)] for name, title in wanted.items()}
-    most, count = MOST_NUMBERS // max(4, len(at)), 0
+    at = {name: list(form.titles).index(title) for name, title in wanted.items()}
     parts: dict[str, list[pa.Array]] = {name: [] for name in at}
-    for batch in _batches(path, form, names, sorted(set(at.values()), key=int)):
+    count = 0
+    for block in _blocks(path, form):
+        before = form.skipped + count
+        rows = _parse(block, form, sorted(set(at.values())), before)
         for name, number in at.items():
-            column = pc.utf8_trim_whitespace(batch[number])
+            column = pc.utf8_trim_whitespace(rows[str(number)].combine_chunks())
             if name in words:
                 parts[name].append(column.dictionary_encode())
-            elif name == "time" and _is_text(column, parts[name], form.decimal):
-                parts[name].append(column)
             else:
-                values = numbers(column, wanted[name], form.skipped + count, form.decimal)
-                parts[name].append(pa.array(values))
-        if (count := count + len(batch)) > most:
-            raise ContentError(f"more than {most} rows", "Divide the file")
+                convert = seconds if name == "time" else numbers
+                parts[name].append(pa.array(convert(column, wanted[name], before, form.decimal)))
+        count += rows.num_rows
+        check_size(count, len(at))
     kinds = {name: pa.string() if name in words else pa.float64() for name in at}
     columns = {n: pa.chunked_array(part) if part else pa.array([], kinds[n]) for n, part in parts.items()}
     pa.default_memory_pool().release_unused()
     return pa.table(columns).unify_dictionaries()
 
 
-def _is_text(column: pa.Array, before: Sequence[pa.Array], decimal: str) -> bool:
-    """Whether a column of times holds dates: its first value is no number."""
-    if before:
-        return pa.types.is_string(before[0].type)
-    try:
-        float(column[0].as_py().replace(decimal, ".")) if len(column) else 0.0
-    except ValueError:
-        return column[0].as_py().lower() not in MISSING
-    return False
+def _blocks(path: Path, form: TextForm) -> Iterator[bytes]:
+    """Yield the rows, whole lines as UTF-8; runs of blanks become one where they are the delimiter."""
+    with _open_text(path, form.encoding) as file:
+        for _ in range(form.skipped):
+            _next_line(file)
+        while text := file.read(_BLOCK):
+            text += _next_line(file)
+            if form.delimiter == BLANKS:
+                text = re.sub(r" ?\n ?", "\n", re.sub(r"[ \t]+", " ", text)).strip(" ")
+            if text.strip():
+                yield text.encode()
 
 
-def _batches(
-    path: Path, form: TextForm, names: Sequence[str], used: Sequence[str]
-) -> Iterator[pa.RecordBatch]:
-    """Stream some columns as text.
+def _parse(block: bytes, form: TextForm, used: Sequence[int], before: int) -> pa.Table:
+    """Divide lines into columns of text, which are called by their numbers.
 
     Raises:
         ContentError: a line has another number of columns.
@@ -184,24 +157,26 @@ def _batches(
         wrong.append(row)
         return "error"
 
+    included = [str(number) for number in used]
+    names = [str(number) for number in range(len(form.titles))]
     try:
-        yield from csv.open_csv(
-            io.BufferedReader(_Stream(path, form), _CHUNK),
-            csv.ReadOptions(column_names=names, use_threads=False, block_size=2 * _LONGEST_LINE),
+        return csv.read_csv(
+            pa.BufferReader(block),
+            csv.ReadOptions(column_names=names, use_threads=False, block_size=2 * len(block) + 1),
             csv.ParseOptions(delimiter=form.delimiter, invalid_row_handler=refuse),
             csv.ConvertOptions(
-                include_columns=used, column_types=dict.fromkeys(used, pa.string()), strings_can_be_null=False
+                include_columns=included,
+                column_types=dict.fromkeys(included, pa.string()),
+                strings_can_be_null=False,
             ),
         )
     except pa.ArrowInvalid as cause:
-        if wrong:
-            row = wrong[0]
-            listed = " ".join(form.titles)[:200]
-            problem = f"{row.actual_columns} columns, expected {row.expected_columns}: {listed}"
-            line = None if row.number is None else form.skipped + row.number
-            raise ContentError(problem, "Correct the line, or remove it", line) from cause
-        if "Empty CSV file" not in str(cause):
+        if not wrong:
             raise ContentError(str(cause)[:300]) from cause
+        listed = " ".join(form.titles)[:200]
+        problem = f"{wrong[0].actual_columns} columns, expected {wrong[0].expected_columns}: {listed}"
+        line = None if wrong[0].number is None else before + wrong[0].number
+        raise ContentError(problem, "Correct the line, or remove it", line) from cause
 
 
 def numbers(
@@ -223,58 +198,68 @@ def numbers(
     """
     if pa.types.is_dictionary(column.type):
         column = column.cast(column.type.value_type)
-    if not pa.types.is_string(column.type) and not pa.types.is_large_string(column.type):
-        try:
-            values = np.asarray(column.cast(pa.float64()).to_numpy(), np.float64)
-        except pa.ArrowException as cause:
-            raise ContentError(f"column {title} holds {column.type}, not numbers") from cause
-        if len(infinite := np.flatnonzero(np.isinf(values))):
-            raise _wrong(title, values[infinite[0]].item(), "is not finite", int(infinite[0]), before)
-        return values
+    if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
+        return _numbers_in_texts(column, title, before, decimal)
+    try:
+        values = np.asarray(column.cast(pa.float64()).to_numpy(), np.float64)
+    except pa.ArrowException as cause:
+        raise ContentError(f"column {title} holds {column.type}, not numbers") from cause
+    _refuse(np.isinf(values), values, title, "must be finite", before)
+    return values
+
+
+def _numbers_in_texts(
+    column: pa.Array | pa.ChunkedArray, title: str, before: int | None, decimal: str
+) -> np.ndarray:
     texts = pc.replace_substring(column, ",", ".") if decimal == "," else column
     try:
         values = pc.cast(texts, pa.float64()).to_numpy()
         if np.isfinite(values).all():
             return np.asarray(values, np.float64)
     except pa.ArrowInvalid:
-        pass
-    return np.fromiter(_each_number(texts.to_pylist(), title, before), np.float64, len(texts))
-
-
-def to_number(text: str) -> float:
-    """Convert a text to a number; Python's `1_000` is none.
-
-    Raises:
-        ValueError: it is not a number.
-    """
-    if "_" in text:
-        raise ValueError(f"{text!r} is not a number")
-    return float(text)
-
-
-def _each_number(texts: Sequence[str | None], title: str, before: int | None) -> Iterator[float]:
-    """Convert texts one by one, to find the wrong one."""
-    for row, text in enumerate(texts):
+        pass  # the missing ones, and the wrong one, are found below
+    values = np.full(len(texts), np.nan)
+    for row, text in enumerate(texts.to_pylist()):
         if text is None or text.strip().lower() in MISSING:
-            yield np.nan
             continue
         try:
-            value = to_number(text)
+            values[row] = finite_number(text)
         except ValueError as cause:
             comma = re.fullmatch(r"[+-]?\d+,\d+", text.strip())
             remedy = "Give the decimal mark: --decimal ," if comma else "Correct the line, or remove it"
-            raise _wrong(title, text, "is not a number", row, before, remedy) from cause
-        if not np.isfinite(value):
-            raise _wrong(title, text, "must be finite", row, before)
-        yield value
-
-
-def finite_numbers(column: pa.ChunkedArray, title: str) -> np.ndarray:
-    """Convert a column where no value may be missing, of a text that begins with its rows."""
-    values = numbers(column, title, 0)
-    for row in np.flatnonzero(np.isnan(values))[:1]:
-        raise _wrong(title, column[int(row)].as_py(), "must be finite", int(row), 0)
+            raise row_error(row, before, f"{title} = {brief(text)} is not a finite number", remedy) from cause
     return values
+
+
+def finite_number(text: str) -> float:
+    """Convert a text to a finite number; Python's `1_000` is none.
+
+    Raises:
+        ValueError: it is not one.
+    """
+    if "_" in text or not np.isfinite(number := float(text)):
+        raise ValueError(f"{text!r} is not a finite number")
+    return number
+
+
+def seconds(
+    column: pa.Array | pa.ChunkedArray, title: str, before: int | None = None, decimal: str = "."
+) -> np.ndarray:
+    """Convert a column of times to numbers: dates of ISO 8601 to Unix time; else as `numbers`."""
+    if pa.types.is_timestamp(column.type):
+        dates = pd.Series(column.to_pandas())
+    else:
+        try:
+            return numbers(column, title, before, decimal)
+        except ContentError as cause:
+            try:
+                dates = pd.to_datetime(pd.Series(column.to_pylist(), dtype=str), format="ISO8601", utc=True)
+            except ValueError:
+                remedy = "Write times as seconds, or as 2024-03-05T14:02:07.5 (ISO 8601)"
+                raise ContentError(cause.problem, remedy, cause.line) from cause
+    naive = dates.dt.tz_convert(None) if dates.dt.tz is not None else dates
+    since = (naive - pd.Timestamp(0)).to_numpy().astype("timedelta64[ns]")
+    return np.where(np.isnat(since), np.nan, since.astype(np.int64) / 1e9)
 
 
 def whole_numbers(values: np.ndarray, title: str, before: int | None = None) -> np.ndarray:
@@ -283,24 +268,24 @@ def whole_numbers(values: np.ndarray, title: str, before: int | None = None) -> 
     Raises:
         ContentError: one is missing, has a fraction, or is too large to be exact.
     """
-    wrong = np.flatnonzero(~((values == np.rint(values)) & (np.abs(values) <= _EXACT)))
-    if len(wrong):
-        value = values[wrong[0]].item()
-        rule = "is missing" if np.isnan(value) else "must be a whole number"
-        raise _wrong(title, value, rule, int(wrong[0]), before)
+    whole = (np.abs(values) <= _EXACT) & (values == np.rint(values))
+    _refuse(~whole, values, title, "must be a whole number", before)
     return values.astype(np.int64)
 
 
-def _wrong(
-    title: str, value: object, rule: str, row: int, before: int | None, remedy: str = CORRECT
-) -> ContentError:
-    shown = "" if rule == "is missing" else f" = {brief(value)}"
-    joint = "," if rule.startswith("must") and shown else ""
-    if before is None:
-        return ContentError(f"row {row + 1}: {title}{shown}{joint} {rule}", remedy)
-    return ContentError(f"{title}{shown}{joint} {rule}", remedy, before + row + 1)
+def finite_numbers(values: np.ndarray, title: str, before: int | None = None) -> np.ndarray:
+    """Check that no number is missing, and return them.
+
+    Raises:
+        ContentError: one is.
+    """
+    _refuse(~np.isfinite(values), values, title, "must be finite", before)
+    return values
 
 
-def first_lines(path: Path, count: int, encoding: str | None = None) -> list[str]:
-    """The first lines of a text."""
-    return list(islice(read_lines(path, encoding), count))
+def _refuse(wrong: np.ndarray, values: np.ndarray, title: str, rule: str, before: int | None) -> None:
+    """Refuse the first of the values that are wrong. [M] bool."""
+    for row in np.flatnonzero(wrong)[:1]:
+        value = values[row].item()
+        problem = f"{title} is missing" if value != value else f"{title} = {brief(value)}, {rule}"
+        raise row_error(row, before, problem, CORRECT)

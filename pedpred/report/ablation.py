@@ -38,9 +38,9 @@ class Column:
 class Ablation:
     """Experiments that differ in one respect.
 
-    `columns` are further figures by their titles. `curves` are training curves to compare, method -> file
-    that a stage before a target writes; the steps to reach `within` times the first point's best validation
-    error are reported.
+    A file may name another one as its `base`, whose `always` comes first. `columns` are further figures by
+    title. `curves` are training curves to compare, method -> file that a stage before a target writes; the
+    steps to reach `within` times the first point's best validation error are reported.
     """
 
     title: str  # of picture and table
@@ -76,6 +76,11 @@ def read_ablation(path: Path) -> Ablation:
     wording = partial(InputError, path, "", remedy="Correct it")
     plain = read_yaml(path, wording)
     with translate_errors(wording):
+        if "base" in plain:
+            plain["always"] = [
+                *read_ablation(path.with_stem(plain.pop("base"))).always,
+                *plain.get("always", []),
+            ]
         points = {str(name): overrides for name, overrides in plain.pop("points").items()}
         columns = load_each(Column, plain.pop("columns", {}), "columns")
         ablation: Ablation = load(Ablation, plain | {"points": points, "columns": columns})

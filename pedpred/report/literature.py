@@ -22,7 +22,7 @@ from pedpred.settings import In, Range, Settings, load
 
 @dataclass(frozen=True)
 class Published(Settings):
-    """Errors that others published under the protocol of `pedpred.literature`.
+    """Errors that others published under the protocol of `pedpred.evaluation.observed`.
 
     Attributes:
         name: of their method.
@@ -77,7 +77,7 @@ _SEEN = (
 _TWENTY = (
     "The error of the best of 20 forecasts, chosen with the truth. It rewards spread: read it beside the "
     "probabilities (NLL, energy score) and the most likely path. Those of this project are chosen "
-    "from the forecast distribution so that they cover it (pedpred/literature/samples.py)."
+    "from the forecast distribution so that they cover it (pedpred/metrics/covering.py)."
 )
 
 

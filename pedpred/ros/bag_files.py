@@ -11,7 +11,7 @@ from pathlib import Path
 
 from zstandard import ZstdDecompressor
 
-from pedpred.errors import InputError, ShapeError
+from pedpred.errors import InputError, shape_error
 
 _STORED = re.compile(r"\.(mcap|db3)(\.zstd|\.zst)?$")
 _SINGLE = re.compile(r"\.(mcap|db3|bag|bag\.active)(\.zstd|\.zst)?$")
@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a file has the name of a bag, or a folder holds files of one and is no scene."""
+    """Whether a file has the name of a bag, or a folder contains files of one and is no scene."""
     if path.is_dir():
         return not (path / "scene.json").exists() and bool(_files_in(path))
     return bool(_SINGLE.search(path.name))
@@ -36,51 +36,43 @@ def open_files(path: Path) -> Iterator[list[tuple[Path, Path]]]:
         path: of a file, or of a folder, in which files are in the order of their names and numbers.
 
     Raises:
-        InputError: the folder holds no files of a bag.
-        ShapeError: a file would unpack to more than `_LARGEST_BYTES` and `_LARGEST_RATIO`.
+        InputError: the folder contains no files of a bag.
+        ValueRuleError: a file would unpack to more than `_LARGEST_BYTES` and `_LARGEST_RATIO`.
     """
     files = _files_in(path) if path.is_dir() else [path]
     if not files:
-        raise InputError(path, None, "it holds no .mcap and no .db3 file", "Name the folder of a bag")
+        raise InputError(path, None, "it contains no .mcap and no .db3 file", "Name the folder of a bag")
     with tempfile.TemporaryDirectory(prefix="pedpred-bag-") as scratch:
-        contents = list(files)
-        for number, file in enumerate(files):
-            if _is_packed(file):
-                contents[number] = Path(scratch, f"{number}_{file.stem}")
-                with contents[number].open("wb") as plain:
-                    plain.writelines(_unpacked_blocks(file))
-        yield list(zip(files, contents, strict=True))
+        yield [(file, _unpacked(file, Path(scratch, f"{number}"))) for number, file in enumerate(files)]
 
 
 def _files_in(folder: Path) -> list[Path]:
     """Files of a bag in a folder, bag_2 before bag_10; of a file that is there twice the unpacked one."""
     files = [file for file in folder.iterdir() if file.is_file() and _STORED.search(file.name)]
-    plain = {file.name for file in files}
-    kept = [file for file in files if file.stem not in plain and file.stat().st_size]
+    names = {file.name for file in files}
+    kept = [file for file in files if file.stem not in names and file.stat().st_size]
     if len(kept) < len(files):
         _log.warning("%s: %d files are empty, or there twice", folder, len(files) - len(kept))
-    return sorted(kept, key=_numbers_in)
+    return sorted(kept, key=lambda file: _texts_and_numbers(file.name))
 
 
-def _numbers_in(file: Path) -> list[tuple[str, int]]:
-    """The texts and numbers that a name consists of."""
-    return [(text, int(number or 0)) for text, number in re.findall(r"(\D+)(\d*)", f"_{file.name}")]
+def _texts_and_numbers(name: str) -> list[tuple[str, int]]:
+    return [(text, int(number or 0)) for text, number in re.findall(r"(\D+)(\d*)", f"_{name}")]
 
 
-def _is_packed(file: Path) -> bool:
-    with file.open("rb") as begin:
-        return begin.read(len(_ZSTD_MAGIC)) == _ZSTD_MAGIC
-
-
-def _unpacked_blocks(file: Path) -> Iterator[bytes]:
-    """The content of a compressed file, within the limits."""
-    most, size = max(_LARGEST_BYTES, _LARGEST_RATIO * file.stat().st_size), 0
-    with (
-        file.open("rb") as packed,
-        ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream,
-    ):
-        while block := stream.read(_BLOCK_BYTES):
-            size += len(block)
-            if size > most:
-                raise ShapeError("file", (size,), f"at most {most} bytes when unpacked")
-            yield block
+def _unpacked(file: Path, target: Path) -> Path:
+    """A file, or the target, to which it is unpacked if it is compressed."""
+    with file.open("rb") as packed:
+        if packed.read(len(_ZSTD_MAGIC)) != _ZSTD_MAGIC:
+            return file
+        packed.seek(0)
+        most, size = max(_LARGEST_BYTES, _LARGEST_RATIO * file.stat().st_size), 0
+        with (
+            ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream,
+            target.open("wb") as plain,
+        ):
+            while block := stream.read(_BLOCK_BYTES):
+                size += plain.write(block)
+                if size > most:
+                    raise shape_error("file", (size,), f"at most {most} bytes when unpacked")
+    return target

@@ -14,7 +14,7 @@ from pedpred.errors import PedpredError, brief
 from pedpred.reading.errors import add_path
 from pedpred.ros.bag_files import open_files
 from pedpred.ros.decoding import Connection, Decoder
-from pedpred.ros.storages import Choice, Messages, read_messages
+from pedpred.ros.storages import Choice, read_messages
 
 _log = logging.getLogger(__name__)
 
@@ -36,7 +36,7 @@ class Bag:
 
     def __init__(self, path: Path, files: Sequence[tuple[Path, Path]]):
         self._path, self._files, self._decoder = path, files, Decoder()
-        self._cut = set[Path]()
+        self._truncated = set[Path]()
 
     @cached_property
     def connections(self) -> list[Connection]:
@@ -53,7 +53,7 @@ class Bag:
 
         Raises:
             Exception: all messages of a topic cannot be decoded; see `pedpred.files.translate_errors`.
-            ShapeError: a message would unpack to too much.
+            ValueRuleError: a message would unpack to too much.
         """
         counts, damaged, causes = Counter[str](), Counter[str](), dict[str, Exception]()
         for connection, received_ns, raw in self._read(connections.__contains__):
@@ -74,13 +74,11 @@ class Bag:
             text = "%s: left out: %d of %d messages on %s, which are damaged (%s)"
             _log.warning(text, self._path, damaged[topic], counts[topic], topic, brief(str(cause)))
 
-    def _read(self, choose: Choice) -> Messages:
-        """All wanted messages; of a file that is cut those before the cut, with a warning."""
+    def _read(self, choose: Choice) -> Iterator[tuple[Connection, int, bytes]]:
+        """All chosen messages."""
         for name, content in self._files:
             with add_path(name):
-                try:
-                    yield from read_messages(content, self._decoder, choose)
-                except EOFError:
-                    if name not in self._cut:
-                        _log.warning("%s is cut: it is read up to its last whole chunk", name)
-                    self._cut.add(name)
+                is_truncated = yield from read_messages(content, self._decoder, choose)
+            if is_truncated and name not in self._truncated:
+                self._truncated.add(name)
+                _log.warning("%s is truncated: it is read up to its last whole chunk", name)

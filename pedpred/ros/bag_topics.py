@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pedpred.errors import InputError, brief
-from pedpred.ros.decoding import CDR, ROS1, Connection
+from pedpred.ros.decoding import Connection
+from pedpred.ros.grids import NO_MAP
 from pedpred.ros.message_types import MAP, TYPES, UPDATE_TYPE
 from pedpred.ros.people import PEOPLE_FIELDS
-from pedpred.ros.planning import NO_MAP
 
 _GRID = TYPES[MAP]
 REMEDY = (
@@ -36,17 +36,18 @@ def choose_people(
         InputError: no topic carries people, or several do.
     """
     topic = _name_in_bag(topic, connections)
-    decodable = [one for one in connections if one.encoding in (CDR, ROS1)]
     carriers = [
-        one for one in decodable if topic in (None, one.topic) and (any_type or one.msgtype in PEOPLE_FIELDS)
+        one
+        for one in connections
+        if one.can_be_decoded and topic in (None, one.topic) and (any_type or one.msgtype in PEOPLE_FIELDS)
     ]
     if len({(one.topic, one.msgtype) for one in carriers}) == 1:
         return carriers
-    lack = "no topic carries people" if topic is None else f"{topic} carries no people"
+    problem = "no topic carries people" if topic is None else f"{topic} carries no people"
     if carriers:
-        lack = "several topics carry people: choose one (--topic)"
-    shown = {one.topic: _describe_type(one) for one in carriers or connections}
-    raise InputError(path, None, f"{lack}, among {brief(shown)}", REMEDY)
+        problem = "several topics carry people: choose one (--topic)"
+    types = {one.topic: f"{one.msgtype} ({one.encoding})" for one in carriers or connections}
+    raise InputError(path, None, f"{problem}, among {brief(types)}", REMEDY)
 
 
 def choose_map(path: Path, connections: Sequence[Connection], topic: str | None) -> list[Connection]:
@@ -61,30 +62,25 @@ def choose_map(path: Path, connections: Sequence[Connection], topic: str | None)
         InputError: several topics may be the map, or the given one has no grid.
     """
     topic = _name_in_bag(topic, connections)
-    decodable = [one for one in connections if one.encoding in (CDR, ROS1)]
-    names = sorted({one.topic for one in decodable if one.msgtype == _GRID})
+    grids = sorted({one.topic for one in connections if one.can_be_decoded and one.msgtype == _GRID})
     if topic is None:
-        called_map = [name for name in names if name.rpartition("/")[2] == MAP[1:]]
-        others = [name for name in names if not NO_MAP.search(name)]
-        chosen = [MAP] if MAP in names else called_map or others
+        called_map = [name for name in grids if name.rpartition("/")[2] == MAP[1:]]
+        others = [name for name in grids if not NO_MAP.search(name)]
+        chosen = [MAP] if MAP in grids else called_map or others
         if len(chosen) > 1:
             raise InputError(path, None, f"several topics carry a map: {brief(chosen)}", _MAP_REMEDY)
-        if names and not chosen:
+        if grids and not chosen:
             text = "%s: no map, the ground is free: %s are not maps. %s"
-            _log.warning(text, path, brief(names), _MAP_REMEDY)
+            _log.warning(text, path, brief(grids), _MAP_REMEDY)
     else:
         chosen = [topic] if topic else []
-        if set(chosen) - set(names):
-            raise InputError(path, None, f"{topic} carries no map, among {brief(names)}", _MAP_REMEDY)
-    wanted = {(name, _GRID) for name in chosen} | {(f"{name}_updates", UPDATE_TYPE) for name in chosen}
-    return [one for one in decodable if (one.topic, one.msgtype) in wanted]
+        if set(chosen) - set(grids):
+            raise InputError(path, None, f"{topic} carries no map, among {brief(grids)}", _MAP_REMEDY)
+    needed = {(name, _GRID) for name in chosen} | {(f"{name}_updates", UPDATE_TYPE) for name in chosen}
+    return [one for one in connections if one.can_be_decoded and (one.topic, one.msgtype) in needed]
 
 
 def _name_in_bag(topic: str | None, connections: Sequence[Connection]) -> str | None:
     """A topic's name as the bag has it, with or without a slash before it."""
     bare = (topic or "").lstrip("/")
     return next((one.topic for one in connections if bare and one.topic.lstrip("/") == bare), topic)
-
-
-def _describe_type(one: Connection) -> str:
-    return one.msgtype if one.encoding in (CDR, ROS1) else f"{one.msgtype} in {one.encoding}"

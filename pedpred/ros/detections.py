@@ -1,4 +1,4 @@
-"""The people of one message: when, in which frame, who and where."""
+"""The people of one message: their ids and positions, the time and the frame."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.errors import brief
-from pedpred.ros.people import PeopleFields, class_of, id_of, people_of, places_of
+from pedpred.ros.people import PeopleFields, class_of, id_of, people_of, positions_of
 from pedpred.ros.tf import frame_name
 from pedpred.scenes import rule_of
 from pedpred.scenes.people import PERSON_CLASSES, is_person
@@ -21,9 +21,9 @@ class DetectionFrame:
 
     Attributes:
         time_ns: stamp of the message, or the time of its arrival where it has none.
-        frame: of the places, without a leading slash; empty where the message names none.
+        frame: of the positions, without a leading slash; empty where the message names none.
         ids: as text, empty where the message has none. [N]
-        places: m; NaN where unknown. [N, 3]
+        positions: m; NaN where unknown. [N, 3]
         others: classes of the detections that are not people, and are left out.
         is_stamped: whether the message has a stamp.
     """
@@ -31,7 +31,7 @@ class DetectionFrame:
     time_ns: int
     frame: str
     ids: tuple[str, ...]
-    places: np.ndarray
+    positions: np.ndarray
     others: tuple[str, ...] = ()
     is_stamped: bool = True
 
@@ -61,15 +61,15 @@ class DetectionFrame:
         """
         detected = people_of(message, fields)
         labels = [class_of(one, fields) for one in detected]
-        wanted = {label for label in set(labels) if is_person(label, classes)}
-        people = [one for one, label in zip(detected, labels, strict=True) if label in wanted]
-        others = tuple(label for label in labels if label not in wanted)
+        chosen = {label for label in set(labels) if is_person(label, classes)}
+        people = [one for one, label in zip(detected, labels, strict=True) if label in chosen]
+        others = tuple(label for label in labels if label not in chosen)
         headers = [one.header for one in (message, *detected[:1]) if hasattr(one, "header")]
         frame = next((each.frame_id for each in headers if each.frame_id), "")
         time_ns = headers[0].stamp.sec * 10**9 + headers[0].stamp.nanosec if headers else 0
         ids = tuple(id_of(one, fields) for one in people)
-        places = places_of(people, fields)
-        return cls(time_ns or received_ns, frame_name(frame), ids, places, others, time_ns != 0)
+        positions = positions_of(people, fields)
+        return cls(time_ns or received_ns, frame_name(frame), ids, positions, others, time_ns != 0)
 
 
 def find_usable(
@@ -90,10 +90,10 @@ def find_usable(
     order = np.lexsort((~placed, track_id, time_s))  # stable: the first one of several comes first
     again = np.zeros(len(order), bool)
     again[order[1:]] = (np.diff(time_s[order]) == 0) & (np.diff(track_id[order]) == 0)
-    lacks = {"without a position": ~placed, "of a track that has one at that time": placed & again}
+    unusable = {"without a position": ~placed, "of a track that has one at that time": placed & again}
     texts = [
-        f"{lack.sum()} {what}, the first at {time_s[lack][0]} s (track {brief(name(int(track_id[lack][0])))})"
-        for what, lack in lacks.items()
-        if lack.any()
+        f"{rows.sum()} {what}, the first at {time_s[rows][0]} s (track {brief(name(int(track_id[rows][0])))})"
+        for what, rows in unusable.items()
+        if rows.any()
     ]
     return placed & ~again, f"left out of {len(order)} detections: {'; '.join(texts)}" if texts else ""

@@ -1,4 +1,4 @@
-"""Who is who among the people of a stream of messages, live or in a bag: by ids, or by position."""
+"""Identify the people in a stream of messages, live or in a bag: by ids, or by position."""
 
 from __future__ import annotations
 
@@ -11,39 +11,53 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.ros.assignment import NearestTracks
+from pedpred.settings import check_choice
 
 MODES = ("auto", "given", "assigned")
 _REMEDY = "leave identities at auto, or record the topic of a tracker, such as people_msgs/People with names"
 _MESSAGES = 10
 """So many of the last messages decide, in a live stream, whether ids identify people."""
 _NEW_SHARE = 0.95
-_UNNAMED = frozenset({"", "-1", "nan", "-nan"})
+_NO_IDS = ("", "-1", "nan", "-nan")
 _LARGEST = 2**63 - 1
 _ASSIGNED = "ids are missing, shared, or new in each message: people are identified by position"
 _log = logging.getLogger(__name__)
 
 
 class TrackNumbers:
-    """Track numbers for names: 7 keeps its value; other names, also 007, get -1, -2, ... in order."""
+    """Track numbers for names: 7 keeps its value; other names, also 007, get -1, -2, ... in order.
 
-    def __init__(self) -> None:
-        self._given: dict[str, int] = {}
-        self._next = -1
+    Args:
+        kept_s: a name that is not used for so long is dropped, and its number is not used again; None:
+            never, s.
 
-    def number(self, name: object) -> int:
-        """The number of a name, the same on every call, of 64 bits; different names have different ones."""
-        text = str(name)
-        is_short = text.isascii() and text.isdecimal() and len(text) <= len(str(_LARGEST))
-        if is_short and text == str(int(text)) and int(text) <= _LARGEST:
-            return int(text)
-        if text not in self._given:
-            self._given[text] = self._next
+    Attributes:
+        names: number -> name, where the name is not the number.
+    """
+
+    def __init__(self, kept_s: float | None = None) -> None:
+        self._kept_s, self._next = kept_s, -1
+        self.names: dict[int, str] = {}
+        self._numbers: dict[str, int] = {}
+        self._used_s: dict[int, float] = {}
+
+    def numbers(self, time_s: float, names: Sequence[str]) -> np.ndarray:
+        """Numbers of names at a time, s; different names have different ones, of 64 bits. [D] int64."""
+        numbers = [self._number(name) for name in names]
+        self._used_s |= {number: time_s for number in numbers if number < 0}
+        if self._kept_s is not None:
+            for number in [n for n, used_s in self._used_s.items() if abs(time_s - used_s) > self._kept_s]:
+                del self._used_s[number], self._numbers[self.names.pop(number)]
+        return np.array(numbers, np.int64)
+
+    def _number(self, name: str) -> int:
+        is_short = name.isascii() and name.isdecimal() and len(name) <= len(str(_LARGEST))
+        if is_short and name == str(int(name)) and int(name) <= _LARGEST:
+            return int(name)
+        if name not in self._numbers:
+            self._numbers[name], self.names[self._next] = self._next, name
             self._next -= 1
-        return self._given[text]
-
-    def forget(self, name: str) -> None:
-        """Drop a name; its number is given to no other one, and another one to this name."""
-        self._given.pop(name, None)
+        return self._numbers[name]
 
 
 def are_identities(messages: Sequence[Sequence[str]]) -> bool:
@@ -91,35 +105,31 @@ class Identities:
         kept_s: float | None = None,
         recording: Sequence[Sequence[str]] | None = None,
     ):
-        if mode not in MODES:
-            raise ValueRuleError("identities", mode, f"it must be one of {', '.join(MODES)}")
+        check_choice("identities", mode, MODES)
         self._mode = mode if has_ids or mode == "given" else "assigned"
-        self._kept_s, self._is_live, self.unnamed = kept_s, recording is None, 0
-        self._nearest, self._numbers = NearestTracks(), TrackNumbers()
-        self._used_s: dict[str, float] = {}
-        self._names: dict[int, str] = {}
+        self._is_live, self.unnamed = recording is None, 0
+        self._nearest, self._tracks = NearestTracks(), TrackNumbers(kept_s)
         self._recent: deque[Sequence[str]] = deque(maxlen=_MESSAGES)
-        self._are_assigned, self._has_negative = False, False
-        messages = [self._known(ids) for _ in range(2) for ids in recording or ()]  # -1 depends on others
-        if self._mode == "auto" and not are_identities(messages[len(messages) // 2 :]):
+        self._ignores_ids = False
+        if self._mode == "auto" and not are_identities([_known(ids) for ids in recording or ()]):
             _log.warning(_ASSIGNED)
             self._mode = "assigned"
 
     @property
     def names(self) -> dict[int, str]:
         """Number -> name of people whose name is not their number."""
-        return self._names
+        return self._tracks.names
 
     def name(self, number: int) -> str:
         """The name of a person."""
-        return self._names.get(number, str(number))
+        return self.names.get(number, str(number))
 
     def number(self, time_s: float, ids: Sequence[str], position: np.ndarray) -> np.ndarray:
         """Number the people of a message.
 
         Args:
             time_s: of the message, s.
-            ids: of the people; -1 (unless others are negative), NaN and empty ones are none. [D]
+            ids: of the people; -1, NaN and empty ones are none. [D]
             position: in a frame that does not move, m; NaN where unknown. [D, 2]
 
         Returns:
@@ -130,47 +140,34 @@ class Identities:
         """
         if self._mode == "assigned":
             return self._nearest.assign(time_s, position)
-        ids = self._known(ids)
-        if self._mode == "given":
-            if "" in ids or len(set(ids)) < len(ids):
-                raise ValueRuleError("id", ids, f"each person needs an own id: {_REMEDY}")
-        elif ids and self._is_live:
-            self._recent.append(ids)
-            self._decide()
-        names = [""] * len(ids) if self._are_assigned else ids
+        names = _known(ids)
+        if self._mode == "given" and ("" in names or len(set(names)) < len(names)):
+            raise ValueRuleError("id", names, f"each person needs an own id: {_REMEDY}")
+        if self._mode == "auto" and self._is_live and names:
+            self._decide(names)
+        if self._ignores_ids:
+            names = [""] * len(names)
         unnamed = np.array([not name for name in names], bool)
         if unnamed.any():
-            self.unnamed += 0 if self._are_assigned else int(unnamed.sum())
+            self.unnamed += 0 if self._ignores_ids else int(unnamed.sum())
             assigned = iter(self._nearest.assign(time_s, position[unnamed]).tolist())
             names = [name or f"#{next(assigned)}" for name in names]
-        return self._numbered(time_s, names)
+        return self._tracks.numbers(time_s, names)
 
     def correct(self, turn_rad: float, shift: np.ndarray) -> None:
         """See `NearestTracks.correct`."""
         self._nearest.correct(turn_rad, shift)
 
-    def _known(self, ids: Sequence[str]) -> list[str]:
-        """The ids, empty where they are none."""
-        self._has_negative |= any(each[:1] == "-" and each[1:].isdecimal() and each != "-1" for each in ids)
-        none = _UNNAMED - {"-1"} if self._has_negative else _UNNAMED
-        return ["" if each.lower() in none else each for each in ids]
-
-    def _decide(self) -> None:
+    def _decide(self, names: Sequence[str]) -> None:
         """Decide whether ids count from this message on, and log a change."""
-        was_assigned, self._are_assigned = self._are_assigned, not are_identities(self._recent)
-        if self._are_assigned and not was_assigned:
+        self._recent.append(names)
+        before, self._ignores_ids = self._ignores_ids, not are_identities(self._recent)
+        if self._ignores_ids and not before:
             _log.warning(_ASSIGNED)
-        elif was_assigned and not self._are_assigned:
+        elif before and not self._ignores_ids:
             _log.info("people have ids from here on")
 
-    def _numbered(self, time_s: float, names: Sequence[str]) -> np.ndarray:
-        """Numbers of names; those that are not used any more are forgotten."""
-        self._used_s |= dict.fromkeys(names, time_s)
-        if self._kept_s is not None:
-            for name in [n for n, used_s in self._used_s.items() if abs(time_s - used_s) > self._kept_s]:
-                self._names.pop(self._numbers.number(name), None)
-                self._numbers.forget(name)
-                del self._used_s[name]
-        numbers = [self._numbers.number(name) for name in names]
-        self._names |= {number: name for number, name in zip(numbers, names, strict=True) if number < 0}
-        return np.array(numbers, np.int64)
+
+def _known(ids: Sequence[str]) -> list[str]:
+    """The ids, empty where they are none."""
+    return ["" if each.lower() in _NO_IDS else each for each in ids]

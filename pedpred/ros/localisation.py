@@ -31,7 +31,7 @@ class Localisation:
         self._before: _Pose | None = None
 
     def correction(
-        self, frames: Frames, frame: str, target: str, time_s: float, place: np.ndarray
+        self, frames: Frames, frame: str, target: str, time_s: float, position: np.ndarray
     ) -> tuple[float, np.ndarray] | None:
         """How everything seen from the robot has moved in the target; None where that is no jump.
 
@@ -40,7 +40,7 @@ class Localisation:
             frame: of the people.
             target: frame of the map.
             time_s: of the people; messages that come late are ignored.
-            place: of the people in the target, m. [N, 2]
+            position: of the people in the target, m. [N, 2]
 
         Returns:
             Turn about the target's origin, rad, then shift, m [2].
@@ -49,17 +49,17 @@ class Localisation:
         after_s = np.inf if before is None else time_s - before.time_s
         if -LOST_AFTER_S <= after_s <= TIME_TOLERANCE_S:
             return None
-        self._before = now = _pose(frames, frame, target, time_s)
+        self._before = now = _odometry_pose(frames, frame, target, time_s)
         if now is None or before is None or now.frame != before.frame or abs(after_s) > LOST_AFTER_S:
             return None
         turn_rad = float(np.angle(np.exp(1j * (now.yaw_rad - before.yaw_rad))))
         shift = now.origin - rotate(before.origin, np.float64(turn_rad))
-        moved_m = np.hypot(*(rotate(place, np.float64(turn_rad)) + shift - place).T)
+        moved_m = np.hypot(*(rotate(position, np.float64(turn_rad)) + shift - position).T)
         return (turn_rad, shift) if (moved_m > JUMPS_MPS * after_s).any() else None
 
 
-def _pose(frames: Frames, frame: str, target: str, time_s: float) -> _Pose | None:
-    """The pose of the odometry that people are seen from; None where there is none."""
+def _odometry_pose(frames: Frames, frame: str, target: str, time_s: float) -> _Pose | None:
+    """The pose of the odometry that a frame hangs on; None where there is none."""
     odometry = frames.odometry(frame, target)
     if not odometry:
         return None

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,7 +48,7 @@ def markers_message(
     colours: Mapping[str, Colour],
     time_ns: int,
 ) -> Content:
-    """visualization_msgs/MarkerArray: a complete picture, which replaces the one before.
+    """visualization_msgs/MarkerArray: people, the tracked velocity, the true path and forecasts.
 
     Args:
         people: columns of `tracks_table` at this instant, drawn as cylinders.
@@ -58,48 +57,44 @@ def markers_message(
         colours: of each method to be drawn; its name is the markers' namespace.
         time_ns: the instant.
     """
-    markers: list[Content] = [{"action": _DELETE_ALL, "pose": _UNTURNED}]
+    markers: list[Content] = []
     for track, x, y in zip(people["track_id"], people["x_m"], people["y_m"], strict=True):
-        pose = {"position": {"x": x, "y": y, "z": _PERSON_M["z"] / 2}}
-        markers.append(_marker("people", track, _CYLINDER, _PERSON_M, _INK, 0.6) | {"pose": _UNTURNED | pose})
+        pose = _UNTURNED | {"position": {"x": x, "y": y, "z": _PERSON_M["z"] / 2}}
+        markers.append(_marker("people", track, _CYLINDER, _PERSON_M, _INK, 0.6, pose=pose))
     if windows is not None:
-        markers += _window_markers(windows, rows, colours)
-    here = {"header": header(time_ns)}
-    return {"markers": [here | marker for marker in markers]}
+        velocity = rotate(windows.velocity[rows], windows.heading_rad[rows])
+        forecasts = {method: windows.predictions[method].select(rows) for method in colours}
+        for index, row in enumerate(rows):
+            track, start = windows.track_id[row], windows.position[row]
+            ends = [point(start), point(start + _ARROW_S * velocity[index])]
+            markers.append(_marker("velocity", track, _ARROW, _ARROW_M, _INK, 1.0, points=ends))
+            markers.append(_line("truth", track, start, windows.truth[row], _INK, 1.0))
+            for method, colour in colours.items():
+                markers += _forecast_markers(method, forecasts[method], index, track, start, colour)
+    return _picture(markers, header(time_ns))
 
 
 def forecast_message(
     forecast: Forecast, names: Sequence[str], colour: Colour, time_ns: int, frame: str
 ) -> Content:
-    """visualization_msgs/MarkerArray: all paths of a forecast, and everybody's name above the head.
+    """visualization_msgs/MarkerArray: all paths of a forecast, and the names of people above their heads.
 
-    It replaces the picture before. Numbers of markers are rows: they have 32 bits, in which tracks of 64 bits
-    may be the same.
+    Numbers of markers are rows: they have 32 bits, in which tracks of 64 bits may be the same.
     """
-    markers: list[Content] = [{"action": _DELETE_ALL, "pose": _UNTURNED}]
+    markers: list[Content] = []
     start = forecast.position[:, 0] - forecast.dt_s * forecast.velocity[:, 0]
-    for row, at in enumerate(start):
-        markers += _forecast_markers("pedpred", forecast.predictions, row, row, at, colour)
-    for row, (name, at) in enumerate(zip(names, start, strict=True)):
-        above = {"pose": {"position": point(at, _PERSON_M["z"]), **_UNTURNED}}
-        markers.append(_marker("names", row, _TEXT, {"z": _TEXT_M}, _INK, 1.0) | {"text": name} | above)
-    here = {"header": header(time_ns, frame)}
-    return {"markers": [here | marker for marker in markers]}
+    for row, position in enumerate(start):
+        markers += _forecast_markers("pedpred", forecast.predictions, row, row, position, colour)
+    for row, (name, position) in enumerate(zip(names, start, strict=True)):
+        pose = {"position": point(position, _PERSON_M["z"]), **_UNTURNED}
+        markers.append(_marker("names", row, _TEXT, {"z": _TEXT_M}, _INK, 1.0, text=name, pose=pose))
+    return _picture(markers, header(time_ns, frame))
 
 
-def _window_markers(
-    windows: EvaluationWindows, rows: np.ndarray, colours: Mapping[str, Colour]
-) -> Iterator[Content]:
-    """The tracked velocity as an arrow, the true path as a line, and the forecasts."""
-    velocity = rotate(windows.velocity[rows], windows.heading_rad[rows])
-    forecasts = {method: windows.predictions[method].select(rows) for method in colours}
-    for index, row in enumerate(rows):
-        track, start = windows.track_id[row], windows.position[row]
-        arrow = _marker("velocity", track, _ARROW, _ARROW_M, _INK, 1.0)
-        yield arrow | {"points": [point(start), point(start + _ARROW_S * velocity[index])]}
-        yield _line("truth", track, start, windows.truth[row], _INK, 1.0)
-        for method, colour in colours.items():
-            yield from _forecast_markers(method, forecasts[method], index, track, start, colour)
+def _picture(markers: Iterable[Content], here: Content) -> Content:
+    """A complete picture, which replaces the one before."""
+    clearing = {"action": _DELETE_ALL, "pose": _UNTURNED}
+    return {"markers": [{"header": here} | marker for marker in (clearing, *markers)]}
 
 
 def _forecast_markers(
@@ -119,9 +114,9 @@ def _forecast_markers(
 def _line(
     namespace: str, number: int, start: np.ndarray, path: np.ndarray, colour: Colour, alpha: float
 ) -> Content:
-    line = _marker(namespace, number, _LINE_STRIP, {"x": _LINE_M}, colour, alpha)
     make = known_types().types[_POINT]  # thousands, so not by way of dictionaries
-    return line | {"points": [make(x, y, _HEIGHT_M) for x, y in np.vstack([start, path]).tolist()]}
+    points = [make(x, y, _HEIGHT_M) for x, y in np.vstack([start, path]).tolist()]
+    return _marker(namespace, number, _LINE_STRIP, {"x": _LINE_M}, colour, alpha, points=points)
 
 
 def _disc(namespace: str, number: int, centre: np.ndarray, covariance: np.ndarray, colour: Colour) -> Content:
@@ -131,12 +126,14 @@ def _disc(namespace: str, number: int, centre: np.ndarray, covariance: np.ndarra
     half_yaw = 0.5 * np.arctan2(axes[1, 1], axes[0, 1])
     size = {"x": length, "y": width, "z": _HEIGHT_M}
     turned = {"z": float(np.sin(half_yaw)), "w": float(np.cos(half_yaw))}
-    disc = _marker(namespace, number, _CYLINDER, size, colour, 0.15)
-    return disc | {"pose": {"position": point(centre), "orientation": turned}}
+    pose = {"position": point(centre), "orientation": turned}
+    return _marker(namespace, number, _CYLINDER, size, colour, 0.15, pose=pose)
 
 
-def _marker(namespace: str, number: int, shape: int, scale: Content, colour: Colour, alpha: float) -> Content:
-    """The fields of every marker; the pose is that of the frame unless it is replaced."""
+def _marker(
+    namespace: str, number: int, shape: int, scale: Content, colour: Colour, alpha: float, **more: Any
+) -> Content:
+    """A marker; its pose is that of the frame, unless `more` fields hold another one."""
     return {
         "ns": namespace,
         "id": int(np.int64(number).astype(np.int32)),  # 32 bits: larger track ids wrap
@@ -144,11 +141,5 @@ def _marker(namespace: str, number: int, shape: int, scale: Content, colour: Col
         "action": _ADD,
         "pose": _UNTURNED,
         "scale": scale,
-        "color": _rgba(colour, alpha),
-    }
-
-
-@lru_cache
-def _rgba(colour: Colour, alpha: float) -> Content:
-    """std_msgs/ColorRGBA, one object for all markers that have it."""
-    return dict(zip("rgba", (*colour, alpha), strict=True))
+        "color": dict(zip("rgba", (*colour, alpha), strict=True)),
+    } | more

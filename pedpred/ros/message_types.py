@@ -1,4 +1,4 @@
-"""ROS 2 message types: the topics of a recording, the known definitions, and messages as bytes (CDR)."""
+"""ROS message types: the topics of a recording, the known definitions, and messages as bytes (CDR)."""
 
 from __future__ import annotations
 
@@ -27,14 +27,8 @@ _EMPTY = {"string": "", "bool": False}
 
 
 @cache
-def known_types() -> Any:
-    """The `rosbags` type store with the messages of ROS 2 Humble and of the packages of `EDITIONS`."""
-    return known_editions(ros1=False)[0]
-
-
-@cache
 def known_editions(ros1: bool) -> tuple[Any, ...]:
-    """A type store for each edition of the packages that hold people, the latest first.
+    """A `rosbags` type store for each edition of the packages that hold people, the latest first.
 
     Args:
         ros1: whether the other types are those of ROS 1 Noetic instead of ROS 2 Humble.
@@ -50,68 +44,81 @@ def known_editions(ros1: bool) -> tuple[Any, ...]:
     return tuple(stores)
 
 
-def definition(kind: str) -> str:
-    """The definition of a type and of all types in it, as an MCAP schema (`ros2msg`).
+def known_types() -> Any:
+    """The latest of `known_editions` for ROS 2."""
+    return known_editions(ros1=False)[0]
 
-    Args:
-        kind: such as `people_msgs/msg/People`.
-    """
+
+def definition(kind: str) -> str:
+    """The definition of a type and of all types in it, as an MCAP schema (`ros2msg`)."""
     return str(known_types().generate_msgdef(kind, ros_version=2)[0])
 
 
+def deserialize(raw: bytes, kind: str, ros1: bool = False) -> Any:
+    """Decode a message by the first known edition of its type that fits it.
+
+    Args:
+        raw: the message.
+        kind: its type, such as `people_msgs/msg/People`.
+        ros1: whether it is serialised as in ROS 1, and not as CDR.
+
+    Raises:
+        Exception: no edition fits; see `pedpred.files.translate_errors`.
+    """
+    problem: Exception = KeyError(f"a definition of {kind}")
+    for types in known_editions(ros1):
+        if kind in types.fielddefs:
+            try:
+                return types.deserialize_ros1(raw, kind) if ros1 else types.deserialize_cdr(raw, kind)
+            except Exception as cause:  # whatever rosbags raises on a message of another edition
+                problem = cause
+    raise problem
+
+
 def serialize(kind: str, content: Mapping[str, Any]) -> bytes:
-    """A message as CDR.
+    """Encode a message as CDR.
 
     Args:
         kind: its type.
         content: nested dictionaries of fields, or messages of rosbags; missing fields are zero, empty or
             false.
     """
-    message = _message(kind, content, {})
-    return bytes(known_types().serialize_cdr(message, kind, little_endian=True))
+    return bytes(known_types().serialize_cdr(_message(kind, content), kind, little_endian=True))
 
 
-_Built = dict[tuple[str, int], Any]
-"""Messages by type and the identity of their content: what occurs in many places is built once."""
-
-
-def _message(kind: str, content: Any, built: _Built) -> Any:
+def _message(kind: str, content: Any) -> Any:
     if not isinstance(content, dict):
         return content
-    key = kind, id(content)
-    if key not in built:
-        make, fields, usual = _plan(kind)
-        values = {name: _value(*fields[name], value, built) for name, value in content.items()}
-        built[key] = make(**(usual | values))
-    return built[key]
+    make, fields, defaults = _layout(kind)
+    return make(**(defaults | {name: _value(*fields[name], value) for name, value in content.items()}))
 
 
 @cache
-def _plan(kind: str) -> tuple[Any, dict[str, tuple[Nodetype, Any]], dict[str, Any]]:
-    """Constructor of a message, definitions of its fields, and their values where they are missing."""
+def _layout(kind: str) -> tuple[Any, dict[str, tuple[Nodetype, Any]], dict[str, Any]]:
+    """Constructor of a message, definitions of its fields, and their default values."""
     fields = dict(known_types().fielddefs[kind][1])
     return known_types().types[kind], fields, {name: _default(*about) for name, about in fields.items()}
 
 
-def _value(node: Nodetype, about: Any, content: Any, built: _Built) -> Any:
+def _value(node: Nodetype, about: Any, content: Any) -> Any:
     """The value of a field as rosbags takes it; `about` is the second part of rosbags' field definition."""
     if node == Nodetype.BASE:
         return content
     if node == Nodetype.NAME:
-        return _message(about, content, built)
+        return _message(about, content)
     item, inner = about[0]
     if item == Nodetype.NAME:
-        return [_message(inner, part, built) for part in content]
+        return [_message(inner, part) for part in content]
     return list(content) if inner[0] == "string" else np.asarray(content, inner[0])
 
 
-@cache
 def _default(node: Nodetype, about: Any) -> Any:
-    """The value of a missing field; serialising changes no message, so that all may share it."""
+    """The value of a missing field; all messages share it, since serialising changes none."""
     if node == Nodetype.BASE:
         return _EMPTY.get(about[0], 0)
-    if node == Nodetype.ARRAY and about[0][0] == Nodetype.BASE:
-        return np.zeros(about[1], about[0][1][0])
-    if node == Nodetype.ARRAY:
-        return [_message(about[0][1], {}, {})] * about[1]
-    return _value(node, about, {} if node == Nodetype.NAME else (), {})
+    if node == Nodetype.NAME:
+        return _message(about, {})
+    (item, inner), size = about
+    if node == Nodetype.SEQUENCE:
+        return _value(node, about, ())
+    return [_message(inner, {})] * size if item == Nodetype.NAME else np.zeros(size, inner[0])

@@ -91,7 +91,7 @@ def people_of(message: Any, fields: PeopleFields) -> list[Any]:
 
 def id_of(person: Any, fields: PeopleFields) -> str:
     """The id of a person as text, that of bytes as hexadecimal digits; empty: there is none."""
-    value = _find(person, fields.id) if fields.id else ""
+    value = _find(person, fields.id)
     if isinstance(value, np.ndarray | bytes):
         return bytes(value).hex()
     return "-1" if value == _NO_ID else str(value)
@@ -99,15 +99,14 @@ def id_of(person: Any, fields: PeopleFields) -> str:
 
 def class_of(person: Any, fields: PeopleFields) -> str:
     """The class of a person as text; empty: there is none."""
-    return str(_find(person, fields.label)) if fields.label else ""
+    return str(_find(person, fields.label))
 
 
-def places_of(people: Iterable[Any], fields: PeopleFields) -> np.ndarray:
+def positions_of(people: Iterable[Any], fields: PeopleFields) -> np.ndarray:
     """Positions of people, m; what is no number, or absurdly far away, is NaN. [N, 3]."""
     found = (_find(one, fields.position) if fields.position else one for one in people)
-    places = np.array([_coordinates(position) for position in found], np.float64)
-    places = places.reshape(-1, 3)
-    return np.where(rule_of("position", places)[1], places, np.nan)
+    positions = np.array([_coordinates(position) for position in found], np.float64).reshape(-1, 3)
+    return np.where(rule_of("position", positions)[1], positions, np.nan)
 
 
 def _coordinates(position: Any) -> tuple[float, float, float]:
@@ -125,19 +124,12 @@ def _find(message: Any, paths: str) -> Any:
     Raises:
         ValueRuleError: there is none.
     """
-    value: Any = None
-    for path in paths.split("|"):
-        found = _follow(message, path)
-        value = found if value is None else value
-        if found is not None and not _is_origin(found):
-            return found
-    if value is None:
-        fields: Iterable[str] = getattr(
-            message, "__dataclass_fields__", getattr(message, "_fields_and_field_types", ())
-        )
-        known = ", ".join(name for name in fields if not name.startswith("_"))
+    found = [value for path in paths.split("|") if (value := _follow(message, path)) is not None]
+    if not found:
+        public = [name for name in dir(message) if name.islower() and name[0] != "_"]
+        known = ", ".join(name for name in public if not callable(getattr(message, name)))
         raise ValueRuleError("field", paths, f"{type(message).__name__} has {known}")
-    return value
+    return next((value for value in found if not _is_origin(value)), found[0])
 
 
 def _follow(message: Any, path: str) -> Any | None:

@@ -14,17 +14,10 @@ from tqdm import tqdm
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.files import atomic_write
+from pedpred.ros.grids import GRID_TYPE, grid_messages, grid_topic
 from pedpred.ros.markers import Colour, markers_message
 from pedpred.ros.message_types import FRAMES, MAP, MARKERS, PEOPLE, TYPES, definition, serialize
-from pedpred.ros.planning import (
-    GRID_TYPE,
-    PREDICTIONS,
-    PREDICTIONS_TYPE,
-    grid_messages,
-    grid_topic,
-    predictions_message,
-    warn_of_rounding,
-)
+from pedpred.ros.planning import PREDICTIONS, PREDICTIONS_TYPE, predictions_message, warn_of_rounding
 from pedpred.ros.scene_messages import (
     FRAME,
     Content,
@@ -56,13 +49,13 @@ def check_recordable(scene: Scene, steps: int = 1, cell_m: float | None = None) 
     """Check before a long replay that `write_recording` can write a scene and forecasts of some steps in it.
 
     Raises:
-        ValueRuleError: a time cannot be a ROS stamp, or the side of a cell is not a length.
-        ShapeError: the cells of all steps are too many.
+        ValueRuleError: a time cannot be a ROS stamp, the side of a cell is not a length, or the cells of all
+            steps are too many.
     """
     nanoseconds(scene.trajectories.time_s)
     if cell_m is not None:
-        nobody = Predictions.single(np.zeros((0, steps, 2)), 1.0)
-        predicted_occupancy(nobody, scene.occupancy.free(cell_m))
+        none = Predictions.single(np.zeros((0, steps, 2)), 1.0)
+        predicted_occupancy(none, scene.occupancy.free(cell_m))
 
 
 def write_recording(

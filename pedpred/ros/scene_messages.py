@@ -5,7 +5,7 @@ Messages are nested dictionaries (`pedpred.ros.message_types.serialize`). An unk
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -61,6 +61,9 @@ def point(position: np.ndarray, height_m: float = 0.0) -> Content:
     return {"x": float(position[0]), "y": float(position[1]), "z": height_m}
 
 
+# Maps
+
+
 def map_message(occupancy: OccupancyMap, time_ns: int) -> Content:
     """nav_msgs/OccupancyGrid: rows along x, the first at the smallest y."""
     data = np.where(occupancy.occupied.T, np.int8(_OCCUPIED), np.int8(_FREE)).ravel()
@@ -86,45 +89,33 @@ def map_of_grid(message: Any) -> OccupancyMap:
         message: decoded; the side of its cells is the shortest decimal that rounds to the message's float32.
 
     Raises:
-        ShapeError: the map is empty or has too many cells.
-        ValueRuleError: it is tilted, nowhere or without size, or has not one value per cell, each unknown or
-            a percentage.
+        ValueRuleError: the map is empty, too large, tilted, nowhere or without size, or has not one value per
+            cell, each unknown or a percentage.
     """
-    straight, yaw_rad = _unturned(message)
+    check_grid(message)
+    info = message.info
+    cells = np.asarray(message.data).reshape(info.height, info.width).T
+    origin = np.array([info.origin.position.x, info.origin.position.y])
+    straight = OccupancyMap(blocked(cells), origin, float(str(np.float32(info.resolution))))
+    turn = info.origin.orientation
+    yaw_rad = 2.0 * float(np.arctan2(turn.z, turn.w)) if turn.z else 0.0
     return turned_map(straight, yaw_rad) if yaw_rad else straight
 
 
 def check_grid(message: Any) -> None:
-    """Raise what `map_of_grid` raises of a message, but for a map that becomes too large as it is turned."""
-    _unturned(message)
-
-
-def _unturned(message: Any) -> tuple[OccupancyMap, float]:
-    """The map of a nav_msgs/OccupancyGrid before it is turned about its corner, and the angle, rad."""
-    info = message.info
+    """Check the size, the values and the pose of a nav_msgs/OccupancyGrid; errors as of `map_of_grid`."""
+    info, turn = message.info, message.info.origin.orientation
     check_cells(info.width, info.height)
-    yaw_rad = _yaw(info.origin.orientation)
-    data = np.asarray(message.data)
-    if len(data) != info.width * info.height:
-        rule = f"a map of {info.width} x {info.height} cells has a value for each cell"
-        raise ValueRuleError("data", f"{len(data)} values", rule)
-    _check_values(data)
-    cells = data.reshape(info.height, info.width).T
-    origin = np.array([info.origin.position.x, info.origin.position.y])
-    side_m = float(str(np.float32(info.resolution)))
-    return OccupancyMap(blocked(cells), origin, side_m), yaw_rad
+    _check_values(np.asarray(message.data), info.width, info.height)
+    quaternion = np.array([turn.x, turn.y, turn.z, turn.w])
+    if not (np.isfinite(quaternion).all() and np.abs(quaternion[:2]).max() < _LEVEL):
+        rule = "a map must be level: x and y must be 0"
+        raise ValueRuleError("origin.orientation", quaternion.tolist(), rule)
 
 
 def blocked(data: np.ndarray) -> np.ndarray:
     """Which values of a nav_msgs/OccupancyGrid are those of blocked cells. [...] bool."""
     return data > _OCCUPIED / 2
-
-
-def _check_values(data: np.ndarray) -> None:
-    for value in (data.min(initial=_FREE), data.max(initial=_FREE)):
-        if not _UNKNOWN <= value <= _OCCUPIED:
-            rule = "cells are -1 (unknown) or 0 to 100 (per cent); publish raw costs as an OccupancyGrid"
-            raise ValueRuleError("data", int(value), rule)
 
 
 def updated_grid(grid: Any, update: Any) -> Any:
@@ -141,29 +132,29 @@ def updated_grid(grid: Any, update: Any) -> Any:
     if update.header.frame_id.lstrip("/") != grid.header.frame_id.lstrip("/"):
         rule = f"an update must be in the frame of its map, {grid.header.frame_id!r}"
         raise ValueRuleError("frame_id", update.header.frame_id, rule)
-    cells = np.array(grid.data).reshape(grid.info.height, grid.info.width)
-    shape, (rows, columns) = (update.height, update.width), cells.shape
-    within = 0 <= update.x <= columns - update.width and 0 <= update.y <= rows - update.height
-    if not within or len(update.data) != update.height * update.width:
-        values = {"x": update.x, "y": update.y, "width": update.width, "height": update.height}
-        rule = f"an update must lie within its map of {columns} x {rows} cells, with a value for each cell"
-        raise ValueRuleError("update", values | {"values": len(update.data)}, rule)
-    part = slice(update.y, update.y + update.height), slice(update.x, update.x + update.width)
+    width, height = grid.info.width, grid.info.height
+    if not (0 <= update.x <= width - update.width and 0 <= update.y <= height - update.height):
+        rectangle = {name: getattr(update, name) for name in ("x", "y", "width", "height")}
+        raise ValueRuleError("update", rectangle, f"an update must lie within its map of {width} x {height}")
     data = np.asarray(update.data)
-    _check_values(data)
-    cells[part] = data.reshape(shape)
+    _check_values(data, update.width, update.height)
+    cells = np.array(grid.data).reshape(height, width)
+    rows, columns = slice(update.y, update.y + update.height), slice(update.x, update.x + update.width)
+    cells[rows, columns] = data.reshape(update.height, update.width)
     return replace(grid, data=cells.ravel())
 
 
-def _yaw(turn: Any) -> float:
-    """The angle by which a map is turned about the vertical, rad."""
-    quaternion = np.array([turn.x, turn.y, turn.z, turn.w])
-    if not (np.isfinite(quaternion).all() and np.abs(quaternion[:2]).max() < _LEVEL):
-        raise ValueRuleError(
-            "origin.orientation", quaternion.tolist(), "a map must be level: x and y must be 0"
-        )
-    yaw_rad = 2.0 * np.arctan2(turn.z, turn.w) if turn.z else 0.0
-    return float(yaw_rad)
+def _check_values(data: np.ndarray, width: int, height: int) -> None:
+    if len(data) != width * height:
+        rule = f"{width} x {height} cells need a value each"
+        raise ValueRuleError("data", f"{len(data)} values", rule)
+    for value in (data.min(initial=_FREE), data.max(initial=_FREE)):
+        if not _UNKNOWN <= value <= _OCCUPIED:
+            rule = "cells are -1 (unknown) or 0 to 100 (per cent); publish raw costs as an OccupancyGrid"
+            raise ValueRuleError("data", int(value), rule)
+
+
+# Frames and people
 
 
 def frames_message(time_ns: int) -> Content:
@@ -179,15 +170,18 @@ def people_message(people: Mapping[str, list[Any]], time_ns: int) -> Content:
     columns = [people[name] for name in ("track_id", "x_m", "y_m")]
     unknown = [np.nan] * len(columns[0])
     columns += [people.get(name, unknown) for name in ("vx_mps", "vy_mps")]
+    rows = zip(*columns, strict=True)
     return {
         "header": header(time_ns),
-        "people": [
-            {
-                "name": str(track),
-                "position": {"x": x, "y": y},
-                "velocity": {"x": vx, "y": vy},
-                "reliability": 1.0,
-            }
-            for track, x, y, vx, vy in zip(*columns, strict=True)
-        ],
+        "people": [person(str(track), (x, y), (vx, vy)) for track, x, y, vx, vy in rows],
+    }
+
+
+def person(name: str, position: Iterable[float], velocity: Iterable[float]) -> Content:
+    """people_msgs/Person, with x and y of position, m, and velocity, m/s."""
+    return {
+        "name": name,
+        "position": dict(zip("xy", map(float, position), strict=True)),
+        "velocity": dict(zip("xy", map(float, velocity), strict=True)),
+        "reliability": 1.0,
     }

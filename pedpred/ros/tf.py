@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 from array import array
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,6 @@ from pedpred.scenes import rule_of
 from pedpred.tracking.tracks import LOST_AFTER_S
 
 MAP_FRAME = "map"
-LONGEST_GAP_S = 1.0
-"""Poses of a frame that moves are not interpolated over a longer time, s."""
 MOST_POSES, MOST_FRAMES = 10_000, 1000
 """Limits of a live stream: poses of a frame, such as 10 s at 1000 Hz, and frames, such as one per person."""
 _SAME_M, _SAME_RAD = 0.001, 0.001
@@ -47,7 +44,7 @@ class Frames:
     """Poses of frames in their parents, over time.
 
     Args:
-        kept_s: for a live stream: older poses are forgotten, all of a frame whose stamps jump back by more
+        kept_s: for a live stream: older poses are dropped, all of a frame whose stamps jump back by more
             than `LOST_AFTER_S`, and those above `MOST_POSES` and `MOST_FRAMES`; None: everything is kept, s.
     """
 
@@ -76,10 +73,8 @@ class Frames:
         if edge is None or fixed or edge.is_fixed or edge.parent != parent:
             edge = _Edge(parent, fixed)
         elif self._kept_s is not None and stamp_s < edge.latest_s - LOST_AFTER_S:
-            _log.warning(
-                "/tf: stamps of %r go back from %s s to %s s: its earlier transforms are forgotten",
-                *(child, edge.latest_s, stamp_s),
-            )
+            text = "/tf: stamps of %r go back from %s s to %s s: its earlier transforms are forgotten"
+            _log.warning(text, child, edge.latest_s, stamp_s)
             edge = _Edge(parent, fixed)
         edge.add(stamp_s, pose, self._kept_s)
         self._edges[child] = edge
@@ -96,43 +91,29 @@ class Frames:
 
     def moves(self, frame: str) -> bool:
         """Whether a frame, or one above it, has different poses in its parent."""
-        return any(edge.moves() for edge in self._edges_of(self.chain(frame)))
+        return any(self._edges[child].moves() for child in self.chain(frame) if child in self._edges)
 
-    def lack(self, frame: str, target: str, time_s: float) -> str:
-        """Say which transform is missing from one frame to another at a time; empty if none is."""
+    def explain_missing(self, frame: str, target: str, time_s: float) -> str:
+        """Name the transform that is missing between two frames at a time; empty if none is."""
         if frame == target:
             return ""
         if not frame:
             return "they name no frame (header.frame_id)"
         up, down = self._chains(frame, target)
         if up[-1] != down[-1]:
-            ends = " and ".join(self._describe_end(chain) for chain in (up, down))
+            ends = " and ".join(
+                f"{chain[0]!r} ends at {chain[-1]!r}" if len(chain) > 1 else f"{chain[0]!r} has no parent"
+                for chain in (up, down)
+            )
             return f"no /tf leads from {frame!r} to {target!r}: {ends}"
         for child in (*up[:-1], *down[:-1]):
             edge = self._edges[child]
-            if problem := edge.lack(time_s):
+            if problem := edge.explain_missing(time_s):
                 return f"the transform of {child!r} in {edge.parent!r} is {problem}"
         return ""
 
-    def begin_later(self, frame: str, target: str, time_s: float) -> bool:
-        """Whether transforms between two frames are known from a later time on only."""
-        up, down = self._chains(frame, target)
-        moving = [edge for edge in self._edges_of((*up[:-1], *down[:-1])) if not edge.is_fixed]
-        return up[-1] == down[-1] and any(time_s < edge.first_s for edge in moving)
-
-    def age_s(self, frame: str, target: str, time_s: float) -> float | None:
-        """How old, at a time, the oldest of the latest transforms between two frames is, s.
-
-        None where all frames between them are fixed, infinite where no transforms connect them.
-        """
-        up, down = self._chains(frame, target)
-        if up[-1] != down[-1]:
-            return np.inf
-        moving = [edge for edge in self._edges_of((*up[:-1], *down[:-1])) if not edge.is_fixed]
-        return max((time_s - edge.latest_s for edge in moving), default=None)
-
     def placed(self, points: np.ndarray, time_s: float | np.ndarray, frame: str, target: str) -> np.ndarray:
-        """Bring points from one frame into another.
+        """Transform points from one frame into another.
 
         Args:
             points: m. [N, 3]
@@ -148,11 +129,11 @@ class Frames:
             return np.full_like(points, np.nan, np.float64)
         times_s = np.atleast_1d(np.asarray(time_s, np.float64))
         moved = np.asarray(points, np.float64)
-        for edge in self._edges_of(up[:-1]):
-            turn, offset = edge.poses(times_s)
+        for child in up[:-1]:
+            turn, offset = self._edges[child].poses(times_s)
             moved = rotate_points(turn, moved) + offset
-        for edge in reversed(self._edges_of(down[:-1])):
-            turn, offset = edge.poses(times_s)
+        for child in reversed(down[:-1]):
+            turn, offset = self._edges[child].poses(times_s)
             moved = rotate_points(inverse(turn), moved - offset)
         return moved
 
@@ -175,21 +156,13 @@ class Frames:
         below = [name for name in self.chain(frame) if name not in above and not is_robot_base(name)]
         return next((name for name in below if name in parents or _is_odometry(name)), "")
 
-    def _edges_of(self, children: Iterable[str]) -> list[_Edge]:
-        return [self._edges[child] for child in children if child in self._edges]
-
     def _chains(self, frame: str, target: str) -> tuple[list[str], list[str]]:
-        """The chains of two frames, up to the first one that is in both; whole ones where none is."""
+        """The chains of two frames, up to the first frame that is in both; whole ones where none is."""
         up, down = self.chain(frame), self.chain(target)
-        common = next((name for name in up if name in down), None)
-        if common is None:
-            return up, down
-        return up[: up.index(common) + 1], down[: down.index(common) + 1]
-
-    def _describe_end(self, chain: list[str]) -> str:
-        if chain[-1] in self._edges:
-            return f"{chain[0]!r} is below a loop of {chain[-1]!r} and {self._edges[chain[-1]].parent!r}"
-        return f"{chain[0]!r} ends at {chain[-1]!r}" if len(chain) > 1 else f"{chain[0]!r} has no parent"
+        for name in up:
+            if name in down:
+                return up[: up.index(name) + 1], down[: down.index(name) + 1]
+        return up, down
 
 
 class _Edge:
@@ -218,22 +191,19 @@ class _Edge:
 
     def moves(self) -> bool:
         """Whether there are different poses."""
-        return bool(_differ(*self._poses()[1:]).any())
+        _, turn, offset = self._poses()
+        far = np.linalg.norm(np.diff(offset, axis=0), axis=1) > _SAME_M
+        cosine = np.abs((turn[1:] * turn[:-1]).sum(axis=1))
+        return bool((far | (cosine < np.cos(_SAME_RAD / 2))).any())
 
-    @property
-    def first_s(self) -> float:
-        """Time of the first pose, s."""
-        return float(self._poses()[0][0])
-
-    def lack(self, time_s: float) -> str:
+    def explain_missing(self, time_s: float) -> str:
         """Say why there is no pose at a time; empty if there is one."""
         if np.isfinite(self.poses(np.array([time_s]))[1]).all():
             return ""
-        if time_s < self.first_s:
-            return f"{self.first_s - time_s:.3g} s later than the people, and it is the first one"
-        if time_s > self.latest_s:
-            return f"{time_s - self.latest_s:.3g} s older than the people"
-        return f"missing for more than {LONGEST_GAP_S:g} s around the time of the people"
+        first_s = self._poses()[0][0]
+        if time_s < first_s:
+            return f"{first_s - time_s:.3g} s later than the people, and it is the first one"
+        return f"{time_s - self.latest_s:.3g} s older than the people"
 
     def poses(self, time_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Turn [T, 4] and offset, m, NaN if unknown [T, 3], at some times, s [T]."""
@@ -244,12 +214,10 @@ class _Edge:
         after = np.searchsorted(known_s, time_s).clip(0, len(known_s) - 1)
         before = np.maximum(after - (known_s[after] > time_s), 0)
         gap_s = known_s[after] - known_s[before]
-        part = np.where(gap_s > 0, (time_s - known_s[before]) / np.where(gap_s > 0, gap_s, 1.0), 0.0)
-        place = (1.0 - part[:, None]) * offset[before] + part[:, None] * offset[after]
-        is_unknown = np.append(_differ(turn, offset) & (np.diff(known_s) > LONGEST_GAP_S), False)[before]
-        is_unknown &= after > before
-        place[is_unknown | (time_s < known_s[0]) | (time_s > known_s[-1])] = np.nan
-        return interpolate(turn[before], turn[after], part), place
+        share = np.where(gap_s > 0, (time_s - known_s[before]) / np.where(gap_s > 0, gap_s, 1.0), 0.0)
+        position = (1.0 - share[:, None]) * offset[before] + share[:, None] * offset[after]
+        position[(time_s < known_s[0]) | (time_s > known_s[-1])] = np.nan
+        return interpolate(turn[before], turn[after], share), position
 
     def _poses(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times [S], turns [S, 4] and offsets [S, 3] in order of time; of two at one time the last one."""
@@ -258,13 +226,6 @@ class _Edge:
             self._sorted = table[np.unique(table[:, 0], return_index=True)[1]]
             self._sorted[:, 4:] /= np.linalg.norm(self._sorted[:, 4:], axis=1, keepdims=True)
         return self._sorted[:, 0], self._sorted[:, 4:], self._sorted[:, 1:4]
-
-
-def _differ(turn: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """Whether each pose differs from the next one. [S, 4], [S, 3] -> [S - 1] bool."""
-    far = np.linalg.norm(np.diff(offset, axis=0), axis=1) > _SAME_M
-    cosine = np.abs((turn[1:] * turn[:-1]).sum(axis=1))
-    return np.asarray(far | (cosine < np.cos(_SAME_RAD / 2)))
 
 
 def inverse(turn: np.ndarray) -> np.ndarray:
@@ -278,15 +239,14 @@ def rotate_points(turn: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.asarray(points + 2.0 * np.cross(vector, np.cross(vector, points) + w * points))
 
 
-def interpolate(before: np.ndarray, after: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """The rotation at a part of the shortest way, slerp (Shoemake 1985). [N, 4], [N, 4], [N] -> [N, 4]."""
+def interpolate(before: np.ndarray, after: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """The rotation at a share of the shortest way, slerp (Shoemake 1985). [N, 4], [N, 4], [N] -> [N, 4]."""
     after = np.where((before * after).sum(axis=1, keepdims=True) < 0, -after, after)
     apart, together = (np.linalg.norm(q, axis=1, keepdims=True) for q in (after - before, after + before))
-    angle_rad, part = 2.0 * np.arctan2(apart, together), part[:, None]
+    angle_rad, share = 2.0 * np.arctan2(apart, together), share[:, None]
     sine = np.sin(angle_rad)
-    shares = (
-        np.where(sine > 0, np.sin(share * angle_rad) / np.where(sine > 0, sine, 1.0), share)
-        for share in (1.0 - part, part)
+    divisor = np.where(sine > 0, sine, 1.0)
+    first, second = (
+        np.where(sine > 0, np.sin(part * angle_rad) / divisor, part) for part in (1.0 - share, share)
     )
-    first, second = shares
     return np.asarray(first * before + second * after)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,8 +21,6 @@ _LATE_MS = 300.0
 _WRONG_CLOCK_S, _RECORDED_S = 1.0, 12 * 3600.0
 """Stamps so far from the clock are wrong; those farther away are of a recording that is played."""
 
-_MOVES = "which moves with the robot: publish the map in a fixed frame, or set map_frame"
-
 
 class Latencies:
     """Times from the arrival of a message of people in a queue to its forecast, of the last ones."""
@@ -31,7 +29,7 @@ class Latencies:
         self._taken_s: deque[float] = deque(maxlen=_LATEST)
 
     def add(self, taken_s: float) -> None:
-        """Note one, s."""
+        """Add one, s."""
         self._taken_s.append(taken_s)
 
     def median_ms(self) -> float:
@@ -42,9 +40,8 @@ class Latencies:
 def diagnose(
     follower: Follower,
     now_s: float,
-    publishers: int,
+    kinds: Sequence[str],
     before: Counts,
-    kinds: Collection[str] = (),
     latency_ms: float = 0.0,
     clock_ns: int = 1,
     rivals: int = 0,
@@ -53,72 +50,66 @@ def diagnose(
 
     Args:
         follower: of the node.
-        now_s: by the clock of `Follower.people_came`.
-        publishers: how many there are of the people's topic.
+        now_s: by the clock of `Inbox.take_people`.
+        kinds: the type of each publisher of people.
         before: what had happened at the last diagnosis.
-        kinds: the types that they publish.
         latency_ms: from people to their forecasts, ms.
         clock_ns: that of the node; 0 where time is simulated and no clock has come.
         rivals: other publishers of `predictions`.
     """
-    counts, settings = follower.counts, follower.settings
+    counts, settings, frame = follower.counts, follower.settings, follower.map.frame
     messages, left_out = counts.messages - before.messages, counts.left_out - before.left_out
     others = sorted(set(kinds) - {settings.people_type})
     published = f": {', '.join(others)} is published, people_type is {settings.people_type}" if others else ""
     age_s = follower.inbox.stamp_age_s
-    is_silent = publishers > 0 and now_s - follower.inbox.read_s > _SILENT_S
-    is_without = publishers > 0 and not is_silent and now_s - follower.forecast_s > _SILENT_S
-    is_apart = clock_ns > 0 and _WRONG_CLOCK_S < abs(age_s) < _RECORDED_S
-    checks = (
-        (not clock_ns, "no /clock, so people who have gone stay in costmaps: set use_sim_time to false"),
-        (rivals > 0, "another node publishes forecasts here, too: end it, or give each a namespace"),
-        (follower.occupancy is None and settings.use_map, "no map: forecasts go through walls"),
-        (is_robot_base(follower.frame), f"forecasts are in {follower.frame!r}, {_MOVES}"),
-        (publishers == 0, "people are not published"),
-        (is_silent, "no people received" + published),
-        (is_without, "people are received, but there is no forecast: see what is left out, and the log"),
-        (counts.others > 0 and not counts.detections, "no detection is of a class of people: see class_ids"),
-        *((True, text) for text in follower.doubts),
-        (
-            left_out > _MANY_LEFT_OUT * messages,
-            f"of the last {messages} messages of people, {left_out} are left out",
+    is_silent = bool(kinds) and now_s - follower.inbox.read_s > _SILENT_S
+    is_without = bool(kinds) and not is_silent and now_s - follower.forecast_s > _SILENT_S
+    problems = {
+        "no /clock, so people who have gone stay in costmaps: set use_sim_time to false": not clock_ns,
+        "another node publishes forecasts here, too: end it, or give each a namespace": rivals > 0,
+        "no map: forecasts go through walls": follower.map.occupancy is None and settings.use_map,
+        f"forecasts are in {frame!r}, which moves with the robot: publish the map in a fixed frame, or set "
+        "map_frame": is_robot_base(frame),
+        "people are not published": not kinds,
+        f"no people received{published}": is_silent,
+        "people are received, but there is no forecast: see what is left out, and the log": is_without,
+        "no detection is of a class of people: see class_ids": counts.others and not counts.detections,
+        **dict.fromkeys(follower.predictor.doubts, True),
+        f"of the last {messages} messages of people, {left_out} are left out": (
+            left_out > _MANY_LEFT_OUT * messages
         ),
-        (
-            latency_ms > _LATE_MS,
-            f"forecasts come {latency_ms:.0f} ms after people: send fewer, or less often",
+        f"forecasts come {latency_ms:.0f} ms after people: send fewer, or less often": latency_ms > _LATE_MS,
+        f"people are stamped {age_s:.1f} s ago: synchronise clocks, or speed up the detector": (
+            clock_ns > 0 and _WRONG_CLOCK_S < abs(age_s) < _RECORDED_S
         ),
-        (is_apart, f"people are stamped {age_s:.1f} s ago: synchronise clocks, or speed up the detector"),
-        (
-            counts.jumps - before.jumps > 1,
-            "time jumps, and people are forgotten: do two clocks stamp people?",
-        ),
-    )
-    problems = [text for is_wrong, text in checks if is_wrong]
-    if problems:
-        return WARN, "; ".join(problems)
-    return OK, "forecasts with map" if follower.occupancy else "forecasts"
+        "time jumps, and people are forgotten: do two clocks stamp people?": counts.jumps - before.jumps > 1,
+    }
+    found = [text for text, is_there in problems.items() if is_there]
+    if found:
+        return WARN, "; ".join(found)
+    return OK, "forecasts with map" if follower.map.occupancy else "forecasts"
 
 
 def diagnostics_content(
     name: str, level: int, summary: str, values: Mapping[str, object], time_ns: int
 ) -> Content:
     """diagnostic_msgs/DiagnosticArray with one status."""
-    pairs = [{"key": key, "value": str(value)} for key, value in values.items()]
     status = {
         "level": level,
         "name": f"{name}: forecasts of people",
         "message": summary,
         "hardware_id": "pedpred",
+        "values": [{"key": key, "value": str(value)} for key, value in values.items()],
     }
-    return {"header": header(time_ns, ""), "status": [status | {"values": pairs}]}
+    return {"header": header(time_ns, ""), "status": [status]}
 
 
 def status_values(follower: Follower, latencies: Latencies) -> dict[str, object]:
     """The table of a status."""
-    counts, age_s = follower.counts, follower.transform_age_s
+    counts = follower.counts
     return {
-        "map": follower.map_text,
-        "frame": follower.frame,
+        "map": follower.map.text,
+        "frame": follower.map.frame,
         "people": counts.people,
         "messages": counts.messages,
         "forecasts": counts.forecasts,
@@ -132,5 +123,4 @@ def status_values(follower: Follower, latencies: Latencies) -> dict[str, object]
         "left out: detections near the robot": counts.near_robot,
         "age of people when they come (s)": f"{follower.inbox.stamp_age_s:.2f}",
         "latency, median (ms)": f"{latencies.median_ms():.1f}",
-        "age of /tf (s)": "not needed" if age_s is None else f"{age_s:.2f}",
     }

@@ -1,4 +1,4 @@
-"""Messages of people and transforms: people wait until the transforms of their time are there."""
+"""Messages of people and transforms: people wait until the transforms of their time have arrived."""
 
 from __future__ import annotations
 
@@ -56,8 +56,8 @@ class Inbox:
 
     Attributes:
         frames: transforms of the last `KEPT_S`.
-        latest: people of the message that was read last; None before the first.
-        read_s: when that was, s.
+        has_ids: whether the type of the messages has ids.
+        read_s: when the last message was read, s.
         stamp_age_s: by how much its people were older than the clock of their stamps when they came.
     """
 
@@ -70,16 +70,11 @@ class Inbox:
         self.settings, self.frames, self._counts = settings, Frames(kept_s=KEPT_S), counts
         kind = settings.people_type
         self._fields = parse_fields(settings.people_fields) if settings.people_fields else PEOPLE_FIELDS[kind]
+        self.has_ids = bool(self._fields.id)
         self._decode_people = decode_people or (lambda raw: decode(raw, kind))
         self._waiting: deque[Arrival] = deque()
         self._is_behind = False
-        self.latest: DetectionFrame | None = None
         self.read_s, self.stamp_age_s = -np.inf, 0.0
-
-    @property
-    def has_ids(self) -> bool:
-        """Whether the type of the messages has ids."""
-        return bool(self._fields.id)
 
     @property
     def is_waiting(self) -> bool:
@@ -90,8 +85,15 @@ class Inbox:
         """Take a tf2_msgs/TFMessage; `fixed` if it is of /tf_static."""
         self.frames.add(decode(raw, TRANSFORMS), clock_s, fixed)
 
-    def take_people(self, raw: bytes, clock_ns: int, now_s: float, waited_s: float) -> None:
-        """Take a message of people; see `Follower.people_came`."""
+    def take_people(self, raw: bytes, clock_ns: int, now_s: float, waited_s: float = 0.0) -> None:
+        """Take people, who wait for the transform of their time.
+
+        Args:
+            raw: the message.
+            clock_ns: the clock of the stamps now, for people without one.
+            now_s: of a clock that never stops or jumps, s.
+            waited_s: how long the message lay in a queue, s; people without a stamp are of the time before.
+        """
         self._counts.messages += 1
         self.read_s = now_s
         self._is_behind = waited_s > self.settings.max_wait_s * (_CAUGHT_UP if self._is_behind else 1.0)
@@ -112,7 +114,7 @@ class Inbox:
             _log.info(text, sorted(set(detected.others)))
         if not detected.is_stamped:
             _log.warning("people have no stamp: the time of their arrival is used")
-        self.latest, self.stamp_age_s = detected, (received_ns - detected.time_ns) / 1e9
+        self.stamp_age_s = (received_ns - detected.time_ns) / 1e9
         if len(self._waiting) >= _MOST_WAITING:  # the first ones stay: their transforms come first
             self._counts.lost += 1
             _log.warning("people left out: %d messages wait for transforms", _MOST_WAITING)
@@ -120,9 +122,7 @@ class Inbox:
         self._waiting.append(Arrival(detected, now_s - waited_s, now_s, clock_ns, detected.time_ns))
 
     def ready(self, now_s: float, target: str) -> Iterator[Arrival]:
-        """Messages whose transforms have come; those that have waited too long are left out.
-
-        So are those of a time before the first transform, which will not come any more.
+        """Messages whose transforms have arrived; those that have waited too long are left out.
 
         Args:
             now_s: as that of `take_people`.
@@ -130,16 +130,16 @@ class Inbox:
         """
         while self._waiting:
             first = self._waiting[0]
-            detected, waited_s = first.detected, self.settings.transform_timeout_s
-            lack = self.frames.lack(detected.frame, target, detected.time_s) if detected.ids else ""
-            is_past = lack and self.frames.begin_later(detected.frame, target, detected.time_s)
-            if lack and not is_past and now_s - first.read_s < waited_s:
+            detected, timeout_s = first.detected, self.settings.transform_timeout_s
+            missing = ""
+            if detected.ids:
+                missing = self.frames.explain_missing(detected.frame, target, detected.time_s)
+            if missing and now_s - first.read_s < timeout_s:
                 return
             self._waiting.popleft()
-            if lack:
+            if missing:
                 self._counts.lost += 1
-                text = "people in %r left out: %s (waited %s s)"
-                _log.warning(text, detected.frame, lack, waited_s)
+                _log.warning("people in %r left out: %s (waited %s s)", detected.frame, missing, timeout_s)
             else:
                 yield first
 

@@ -53,7 +53,7 @@ class LiveMap:
             sent_ns: when the publisher sent it; several subscriptions receive it several times.
 
         Raises:
-            ValueRuleError, ShapeError: it is not a map.
+            ValueRuleError: it is not a map.
         """
         is_copy = sent_ns != 0 and sent_ns == self.sent_ns
         if raw == self.raw and (is_copy or not self.is_updated):
@@ -77,8 +77,5 @@ class LiveMap:
         grid = updated_grid(self.grid, decode(raw, UPDATE_TYPE))
         is_same = np.array_equal(blocked(grid.data), blocked(self.grid.data))
         return replace(
-            self,
-            grid=grid,
-            is_updated=True,
-            occupancy=self.occupancy if is_same else map_of_grid(grid),
+            self, grid=grid, is_updated=True, occupancy=self.occupancy if is_same else map_of_grid(grid)
         )

@@ -10,7 +10,6 @@ from typing import Any
 from pedpred.errors import PedpredError
 
 EVERY_S = 5.0
-_MOST_KINDS = 1000
 _log = logging.getLogger(__name__)
 
 
@@ -25,7 +24,7 @@ def guarded(lost: str, callback: Callable[..., None]) -> Callable[..., None]:
     def called(*arguments: Any) -> None:
         try:
             callback(*arguments)
-        except Exception as problem:  # whatever is wrong with this message, the next one may be right
+        except Exception as problem:  # the next message may be sound
             name, field = type(problem).__name__, str(getattr(problem, "field", "")).partition("[")[0]
             text = "%s: " + ("" if isinstance(problem, PedpredError) else f"{name}: ")
             _log.error(text + "%s", lost, problem, extra={"kind": (lost, name, field)})
@@ -51,13 +50,11 @@ class RosHandler(logging.Handler):
         Similar are those with the same wording, or with the same `kind` where they have one (`extra`).
         """
         now_s, kind = time.monotonic(), str(getattr(record, "kind", record.msg))
-        logged_s, count = self._latest.pop(kind, (-EVERY_S, 0))
+        logged_s, count = self._latest.get(kind, (-EVERY_S, 0))
         if now_s - logged_s < EVERY_S:
             self._latest[kind] = logged_s, count + 1
             return
         self._latest[kind] = now_s, 0
-        while len(self._latest) > _MOST_KINDS:
-            del self._latest[next(iter(self._latest))]  # the oldest one
         text = self.format(record) + (f" ({count} more like this)" if count else "")
         if record.levelno >= logging.ERROR:  # rclpy wants a line of code for each severity
             self._logger.error(text)

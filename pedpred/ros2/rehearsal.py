@@ -13,7 +13,7 @@ from pedpred.ros2.settings import NodeSettings
 
 
 def rehearse(predictor: OnlinePredictor, settings: NodeSettings) -> None:
-    """Answer a message without people; the predictor is reset after that.
+    """Forecast a message without people; the predictor is reset after that.
 
     Args:
         predictor: new.
@@ -22,7 +22,8 @@ def rehearse(predictor: OnlinePredictor, settings: NodeSettings) -> None:
     if settings.people_type not in PEOPLE_FIELDS:
         settings = replace(settings, people_type=NodeSettings().people_type, people_fields="")
     follower = Follower(predictor, replace(settings, use_map=False))
-    follower.people_came(serialize(settings.people_type, {"header": header(1, follower.frame)}), 1, 0.0)
-    for answer in follower.answers(0.0):
-        serialize(answer.kind, answer.content)
+    raw = serialize(settings.people_type, {"header": header(1, follower.map.frame)})
+    follower.inbox.take_people(raw, 1, 0.0)
+    for output in follower.outputs(0.0):
+        serialize(output.kind, output.content)
     predictor.reset()

@@ -136,6 +136,8 @@ def _given(path: str) -> Path | None:
     return Path(path).expanduser() if path else None
 
 
+PARAMETERS = {each.name: (each.default, each.metadata["text"]) for each in fields(NodeSettings)}
+"""Name -> default value and description."""
 LIVE = frozenset(each.name for each in fields(NodeSettings) if each.metadata["live"])
 """Parameters that may change while the node runs; others before it is configured, or after a clean-up."""
 
@@ -147,27 +149,15 @@ def unchangeable(given: Mapping[str, Any], settings: NodeSettings) -> list[str]:
         given: new values, also those of a whole file, most of which are the same again.
         settings: in use.
     """
-    used = {each.name: getattr(settings, each.name) for each in fields(settings)}
-    same = {name for name, value in used.items() if name in given and _as_used(given[name]) == value}
-    return sorted(set(given) & set(used) - LIVE - same)
-
-
-def _as_used(value: Any) -> Any:
-    """Lists of parameters are tuples in settings."""
-    return tuple(value) if isinstance(value, list) else value
+    used = {
+        name: list(value) if isinstance(value, tuple) else value for name, value in vars(settings).items()
+    }
+    return sorted(name for name in given if name in used.keys() - LIVE and given[name] != used[name])
 
 
 def described() -> str:
     """One line per parameter: name, default value, what it means."""
     return "\n".join(
-        f"{each.name} ({_as_text(each.default)}): {each.metadata['text']}" for each in fields(NodeSettings)
+        f"{name} ({', '.join(default) if isinstance(default, tuple) else repr(default)}): {text}"
+        for name, (default, text) in PARAMETERS.items()
     )
-
-
-def _as_text(default: Any) -> str:
-    return ", ".join(default) if isinstance(default, tuple) else repr(default)
-
-
-def fields_of(settings: type[NodeSettings]) -> list[tuple[str, Any, str]]:
-    """Name, default value and description of every parameter."""
-    return [(each.name, each.default, each.metadata["text"]) for each in fields(settings)]

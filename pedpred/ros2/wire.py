@@ -6,25 +6,15 @@ from typing import Any
 
 from pedpred.errors import ValueRuleError
 from pedpred.files import translate_errors
-from pedpred.ros.decoding import Connection, Decoder
-
-_decoder = Decoder()
+from pedpred.ros.message_types import deserialize
 
 
 def decode(raw: bytes, kind: str) -> Any:
-    """Decode a message of a known type.
-
-    Args:
-        raw: CDR.
-        kind: such as `people_msgs/msg/People`.
+    """Decode a message of a known type, such as `people_msgs/msg/People`.
 
     Raises:
         ValueRuleError: the bytes are not a message of this type.
     """
-
-    def wording(problem: str) -> ValueRuleError:
-        rule = f"it must be a {kind}: does the publisher have another edition of its package? ({problem})"
-        return ValueRuleError("message", f"{len(raw)} bytes", rule)
-
-    with translate_errors(wording):
-        return _decoder.decode(raw, Connection("", kind))
+    rule = f"it must be a {kind}: does the publisher have another edition of its package?"
+    with translate_errors(lambda text: ValueRuleError("message", f"{len(raw)} bytes", f"{rule} ({text})")):
+        return deserialize(raw, kind)

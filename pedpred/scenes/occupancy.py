@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pedpred.arrays import read_only, real_number, real_numbers
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError, shape_error
 from pedpred.files import MOST_PIXELS
 
 FARTHEST_M = 1e8
@@ -35,8 +35,8 @@ class OccupancyMap:
         resolution_m: side of a cell, m.
 
     Raises:
-        ShapeError: the map is empty, has too many cells or another number of axes.
-        ValueRuleError: a cell is neither blocked nor free, such as -1 (unknown) or a probability.
+        ValueRuleError: the map is empty, has too many cells or another number of axes; or a cell is neither
+            blocked nor free, such as -1 (unknown) or a probability.
     """
 
     occupied: np.ndarray
@@ -47,7 +47,7 @@ class OccupancyMap:
         occupied = _blocked(self.occupied)
         origin = read_only(real_numbers("origin", self.origin), float)
         if origin.shape != (2,):
-            raise ShapeError("origin", origin.shape, "(2,)")
+            raise shape_error("origin", origin.shape, "(2,)")
         if not (np.abs(origin) <= FARTHEST_M).all():
             raise ValueRuleError("origin", origin.tolist(), f"it must be within {FARTHEST_M:g} m of 0")
         object.__setattr__(self, "resolution_m", real_number("resolution_m", self.resolution_m))
@@ -117,17 +117,17 @@ def check_cells(width: int, height: int) -> None:
     """Check the size of a map before its cells are decoded.
 
     Raises:
-        ShapeError: it is empty or has more than `MOST_PIXELS` cells.
+        ValueRuleError: it is empty or has more than `MOST_PIXELS` cells.
     """
     if not (width > 0 and height > 0 and width * height <= MOST_PIXELS):
-        raise ShapeError("occupied", (width, height), f"[X, Y], not empty, at most {MOST_PIXELS} cells")
+        raise shape_error("occupied", (width, height), f"[X, Y], not empty, at most {MOST_PIXELS} cells")
 
 
 def _blocked(values: Any) -> np.ndarray:
     """Cells as bool, after a check that each is clearly blocked or free."""
     cells = real_numbers("occupied", values, "biuf")
     if cells.ndim != 2:
-        raise ShapeError("occupied", cells.shape, "[X, Y]")
+        raise shape_error("occupied", cells.shape, "[X, Y]")
     check_cells(*cells.shape)
     if cells.dtype != bool:
         clear = (cells == 0) | (cells == 1)

@@ -8,7 +8,7 @@ import numpy as np
 
 from pedpred.arrays import real_number
 from pedpred.compiled import compiled
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError, shape_error
 from pedpred.scenes.occupancy import OccupancyMap
 from pedpred.scenes.predictions import Predictions
 
@@ -38,8 +38,7 @@ def predicted_occupancy(predictions: Predictions, grid: OccupancyMap, body_m: fl
 
     Raises:
         ValueRuleError: the predictions are not in the world frame, the radius is not positive, or cells are
-            much smaller than it.
-        ShapeError: there are too many cells.
+            too many, or much smaller than it.
     """
     if predictions.frame != "world":
         raise ValueRuleError("frame", predictions.frame, "it must be 'world'")
@@ -50,7 +49,7 @@ def predicted_occupancy(predictions: Predictions, grid: OccupancyMap, body_m: fl
         raise ValueRuleError("grid.resolution_m", grid.resolution_m, rule)
     shape = (predictions.steps, *grid.occupied.shape)
     if math.prod(shape) > _MOST_CELLS:
-        raise ShapeError("grid", shape, f"at most {_MOST_CELLS} cells of all steps: use larger cells")
+        raise shape_error("grid", shape, f"at most {_MOST_CELLS} cells of all steps: use larger cells")
     body = _disc(body_m / grid.resolution_m)
     free = np.ones(shape, np.float32)
     known = np.isfinite(predictions.path).all(axis=(1, 2, 3))

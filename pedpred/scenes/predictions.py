@@ -10,7 +10,7 @@ import numpy as np
 
 from pedpred.arrays import real_number, real_numbers
 from pedpred.compiled import compiled
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError, shape_error
 from pedpred.geometry import placed, rotated_covariance
 
 Frame = Literal["world", "agent"]
@@ -31,7 +31,7 @@ class Predictions:
         frame: "world", or "agent": origin at the person, x along its heading.
 
     Raises:
-        ShapeError: the shapes do not belong together.
+        ValueRuleError: the shapes do not belong together.
         ValueRuleError: weights are negative, rise or do not sum to 1; or dt_s is not positive.
     """
 
@@ -47,7 +47,7 @@ class Predictions:
             if (value := getattr(self, name)) is not None:
                 object.__setattr__(self, name, real_numbers(name, value))
         if self.point.ndim != 3 or self.point.shape[2] != 2:
-            raise ShapeError("point", self.point.shape, "[W, P, 2]")
+            raise shape_error("point", self.point.shape, "[W, P, 2]")
         rows, steps = self.point.shape[:2]
         modes = self.weight.shape[-1]
         expected = {"path": (rows, modes, steps, 2), "weight": (rows, modes)}
@@ -55,7 +55,7 @@ class Predictions:
             expected["covariance"] = (rows, modes, steps, 2, 2)
         for name, shape in expected.items():
             if getattr(self, name).shape != shape:
-                raise ShapeError(name, getattr(self, name).shape, str(shape))
+                raise shape_error(name, getattr(self, name).shape, str(shape))
         object.__setattr__(self, "dt_s", real_number("dt_s", self.dt_s))
         if not 0 < self.dt_s < np.inf:
             raise ValueRuleError("dt_s", self.dt_s, "it must be positive")
@@ -75,11 +75,11 @@ class Predictions:
         """Join the rows of at least one part; all have the same modes, steps and frame.
 
         Raises:
-            ShapeError: some parts have covariances, others have none.
+            ValueRuleError: some parts have covariances, others have none.
         """
         arrays = [part.arrays() for part in parts]
         if any(columns.keys() != arrays[0].keys() for columns in arrays):
-            raise ShapeError("covariance", (), "all parts or none to have it")
+            raise shape_error("covariance", (), "all parts or none to have it")
         joined: dict[str, Any] = {n: np.concatenate([columns[n] for columns in arrays]) for n in arrays[0]}
         return replace(parts[0], **joined)
 
@@ -171,7 +171,7 @@ class Forecast:
         shape = (len(self.track_id), self.predictions.steps, 2)
         for name, values in (("predictions", self.position), ("velocity", self.velocity)):
             if values.shape != shape:
-                raise ShapeError(name, values.shape, str(shape))
+                raise shape_error(name, values.shape, str(shape))
 
     def __len__(self) -> int:
         return len(self.track_id)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from pedpred.arrays import real_number, real_numbers
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError, shape_error
 from pedpred.geometry import Homography
 from pedpred.scenes.occupancy import FARTHEST_M, OccupancyMap
 
@@ -51,7 +51,7 @@ class Trajectories:
             values = real_numbers(field.name, value)
             shape = (rows, 2) if field.name in _PAIRS else (rows,)
             if values.shape != shape:
-                raise ShapeError(field.name, values.shape, str(shape))
+                raise shape_error(field.name, values.shape, str(shape))
             rule, valid = rule_of(field.name, values)
             if not valid.all():
                 row = int(np.argwhere(~valid)[0, 0])
@@ -75,6 +75,12 @@ class Trajectories:
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    def by_track(self) -> list[np.ndarray]:
+        """Rows of each track in the order of time; tracks by id."""
+        order = np.lexsort((self.time_s, self.track_id))
+        starts = np.flatnonzero(np.diff(self.track_id[order])) + 1
+        return np.split(order, starts) if len(order) else []
 
     def usual_interval_s(self) -> float:
         """Median time between two detections of a track, s.
@@ -126,7 +132,7 @@ class Camera:
     def __post_init__(self) -> None:
         object.__setattr__(self, "picture", real_numbers("picture", self.picture))
         if self.picture.ndim != 3 or self.picture.shape[2] != 3:
-            raise ShapeError("picture", self.picture.shape, "[rows, columns, 3]")
+            raise shape_error("picture", self.picture.shape, "[rows, columns, 3]")
 
 
 @dataclass(frozen=True)

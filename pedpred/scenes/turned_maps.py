@@ -28,7 +28,7 @@ def turned_map(straight: OccupancyMap, yaw_rad: float) -> OccupancyMap:
         yaw_rad: counter-clockwise, rad.
 
     Raises:
-        ShapeError: the map would have more than `MOST_PIXELS` cells.
+        ValueRuleError: the map would have more than `MOST_PIXELS` cells.
     """
     origin, side_m = straight.origin, straight.resolution_m
     corners = straight.extent_m * np.array(list(product((0.0, 1.0), repeat=2)))

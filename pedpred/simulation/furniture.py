@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
+from pedpred.settings import Range
 from pedpred.simulation.shapes import Circle, Polygon, Rectangle, Shape
 
 Rng = np.random.Generator
@@ -70,6 +71,20 @@ def columns(size_m: Sequence[float], radius_m: float, spacing_m: float, rng: Rng
     return [_rectangle(place, [1.8 * radius_m] * 2, angle) for place in places]
 
 
+_SIDES_M: dict[str, tuple[Range, ...]] = {
+    "table": ((1.2, 2.2), (0.7, 1.1)),
+    "crate": ((0.5, 1.2),),
+    "block": ((1.5, 3.2), (1.5, 3.2)),
+    "screen": ((1.5, 4.0),),
+}
+"""Length and depth of rectangular pieces; with one range, a crate is square and a screen thin."""
+_SCREEN_M = 0.25
+_ROUND_TABLE_M = (0.35, 0.9)  # radius
+_ISLAND_M = (0.5, 1.4)  # distance of a corner from the middle
+_CABINET_M = ((0.8, 2.6), (0.4, 0.7))  # length and depth
+KINDS = (*_SIDES_M, "round_table", "island", "cabinet")
+
+
 def furniture(
     size_m: Sequence[float], shares: np.ndarray, turned_share: float, scale: float, rng: Rng
 ) -> Shape:
@@ -86,49 +101,33 @@ def furniture(
     turned = rng.random() < turned_share
     angle = float(rng.uniform(0.0, 180.0)) if turned else float(rng.choice([0.0, 90.0]))
     center = [float(rng.uniform(0.3, side - 0.3)) for side in size_m]
-    return kind(center, angle, scale, size_m, rng)
+    if kind == "round_table":
+        return Circle(center, float(scale * rng.uniform(*_ROUND_TABLE_M)))
+    if kind == "island":
+        return _island(center, angle, scale, rng)
+    if kind == "cabinet":
+        return _cabinet(center, size_m, scale, rng)
+    sides = [scale * rng.uniform(*limits) for limits in _SIDES_M[kind]]
+    return _rectangle(center, (sides[0], _SCREEN_M if kind == "screen" else sides[-1]), angle)
 
 
-def _rectangle(center: Sequence[float], size: Sequence[float] | np.ndarray, angle_deg: float) -> Shape:
+def _rectangle(center: Sequence[float], size: Sequence[float], angle_deg: float) -> Shape:
     return Rectangle([float(c) for c in center], [float(s) for s in size], angle_deg)
 
 
-def _table(center: list[float], angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
-    return _rectangle(center, scale * rng.uniform([1.2, 0.7], [2.2, 1.1]), angle)
-
-
-def _crate(center: list[float], angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
-    return _rectangle(center, scale * np.repeat(rng.uniform(0.5, 1.2), 2), angle)
-
-
-def _block(center: list[float], angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
-    return _rectangle(center, scale * rng.uniform(1.5, 3.2, 2), angle)
-
-
-def _screen(center: list[float], angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
-    return _rectangle(center, [scale * rng.uniform(1.5, 4.0), 0.25], angle)
-
-
-def _round_table(center: list[float], _angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
-    return Circle(center, float(scale * rng.uniform(0.35, 0.9)))
-
-
-def _island(center: list[float], angle: float, scale: float, _room: Sequence[float], rng: Rng) -> Shape:
+def _island(center: list[float], angle: float, scale: float, rng: Rng) -> Shape:
     """An irregular polygon: a flower bed, a stall."""
     turns = np.deg2rad(angle) + 2 * np.pi * (np.arange(6) + rng.uniform(-0.3, 0.3, 6)) / 6
-    radii = scale * rng.uniform(0.5, 1.4, 6)
+    radii = scale * rng.uniform(*_ISLAND_M, 6)
     corners = np.array(center) + radii[:, None] * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     return Polygon(corners.tolist())
 
 
-def _cabinet(center: list[float], _angle: float, scale: float, room: Sequence[float], rng: Rng) -> Shape:
+def _cabinet(center: list[float], room_m: Sequence[float], scale: float, rng: Rng) -> Shape:
     """A shelf along one of the outer walls."""
-    length, depth = scale * rng.uniform(0.8, 2.6), rng.uniform(0.4, 0.7)
+    length, depth = scale * rng.uniform(*_CABINET_M[0]), rng.uniform(*_CABINET_M[1])
     axis, far = int(rng.integers(2)), rng.integers(2)
     place, size = list(center), [0.0, 0.0]
-    place[axis] = room[axis] - depth / 2 if far else depth / 2
+    place[axis] = room_m[axis] - depth / 2 if far else depth / 2
     size[axis], size[1 - axis] = depth, length
     return _rectangle(place, size, 0.0)
-
-
-KINDS: list[Callable[..., Shape]] = [_table, _crate, _block, _screen, _round_table, _island, _cabinet]

@@ -10,6 +10,7 @@ from scipy import ndimage
 from pedpred.scenes import OccupancyMap
 
 _NOTHING_NEAR_M = 1e3  # distance on a map without obstacles
+_FREE_M = 3.0  # ground around the map where people may walk; no border is felt farther away
 
 
 class Ground(NamedTuple):
@@ -38,6 +39,20 @@ def ground_of(occupancy: OccupancyMap, margin_cells: int = 0) -> Ground:
     border = np.stack([distance, *np.gradient(distance, occupancy.resolution_m)], axis=-1)
     origin = occupancy.origin - margin_cells * occupancy.resolution_m
     return Ground(origin, float(occupancy.resolution_m), occupied, border[..., 0], border[..., 1:])
+
+
+def ground_around(occupancy: OccupancyMap, points: np.ndarray, cell_m: float) -> Ground:
+    """Compute the distances on a map with free ground around it that holds all points, in whole cells.
+
+    Args:
+        occupancy: the obstacles.
+        points: world frame, m. [M, 2]
+        cell_m: side of the cells of routes, a multiple of the map's.
+    """
+    beyond = np.maximum(occupancy.origin - points, points - occupancy.origin - occupancy.extent_m)
+    cells = max(round(cell_m / occupancy.resolution_m), 1)
+    margin_m = float(beyond.max(initial=0.0)) + _FREE_M
+    return ground_of(occupancy, cells * int(np.ceil(margin_m / (cells * occupancy.resolution_m))))
 
 
 def signed_distance(occupied: np.ndarray, resolution_m: float) -> np.ndarray:

@@ -1,8 +1,8 @@
 """The compiled inner loop of the simulator.
 
-The forces are those of `forces.py` and of Moussaid et al. 2010 for groups; tests compare them with plain
-implementations. Repulsion from beyond `interaction_range_m` is neglected, and people are sorted into square
-cells of that side, so that a step costs O(N) at constant density.
+The forces are those of Helbing & Molnar 1995 (Phys. Rev. E 51, 4282), and of Moussaid et al. 2010 for groups;
+tests compare them with plain implementations. Repulsion from beyond `interaction_range_m` is neglected, and
+people are sorted into square cells of that side, so that a step costs O(N) at constant density.
 """
 
 from __future__ import annotations
@@ -12,58 +12,9 @@ import math
 import numpy as np
 
 from pedpred.compiled import compiled
+from pedpred.simulation.physics import SMALLEST_AXIS_M, border, ellipse_axis, unit, way
 
-_SMALLEST_AXIS_M = 1e-3  # as in forces.py
 WEAKEST_PUSH_MPS2 = 1e-3  # weaker repulsion is neglected; the noise is 300 times as strong
-
-
-@compiled
-def _corner(x, y, origin, resolution, shape_x, shape_y):
-    """Lower cell and weights of the bilinear interpolation at (x, y); constant beyond the centres."""
-    u = min(max((x - origin[0]) / resolution - 0.5, 0.0), shape_x - 1.0)
-    v = min(max((y - origin[1]) / resolution - 0.5, 0.0), shape_y - 1.0)
-    i = min(int(u), max(shape_x - 2, 0))
-    j = min(int(v), max(shape_y - 2, 0))
-    return i, j, u - i, v - j
-
-
-@compiled
-def _blend(values, i, j, p, q):
-    """Bilinear mean of the four values around a point."""
-    i2, j2 = min(i + 1, values.shape[0] - 1), min(j + 1, values.shape[1] - 1)
-    low = (1.0 - q) * values[i, j] + q * values[i, j2]
-    high = (1.0 - q) * values[i2, j] + q * values[i2, j2]
-    return (1.0 - p) * low + p * high
-
-
-@compiled
-def _unit(x, y):
-    length = math.sqrt(x * x + y * y)
-    if length < 1e-9:
-        return 0.0, 0.0
-    return x / length, y / length
-
-
-@compiled
-def border(x, y, ground):
-    """Distance to the nearest obstacle point and its gradient."""
-    shape = ground.distance.shape
-    i, j, p, q = _corner(x, y, ground.origin, ground.resolution_m, shape[0], shape[1])
-    away_x = _blend(ground.away[:, :, 0], i, j, p, q)
-    away_y = _blend(ground.away[:, :, 1], i, j, p, q)
-    return _blend(ground.distance, i, j, p, q), away_x, away_y
-
-
-@compiled
-def way(x, y, goal, routes):
-    """Unit vector of the desired direction to a goal; straight to it where the field is 0."""
-    shape = routes.direction.shape
-    i, j, p, q = _corner(x, y, routes.origin, routes.resolution_m, shape[1], shape[2])
-    field = routes.direction[goal]
-    e_x, e_y = _unit(_blend(field[:, :, 0], i, j, p, q), _blend(field[:, :, 1], i, j, p, q))
-    if e_x == 0.0 and e_y == 0.0:
-        return _unit(routes.target[goal, 0] - x, routes.target[goal, 1] - y)
-    return e_x, e_y
 
 
 @compiled
@@ -75,7 +26,7 @@ def interaction_range_m(stride_m, forces):
     """
     strength = max(forces.pedestrian_strength / forces.pedestrian_range_m, WEAKEST_PUSH_MPS2)
     axis = forces.pedestrian_range_m * math.log(strength / WEAKEST_PUSH_MPS2)
-    return 0.5 * stride_m + math.sqrt(axis * axis + 0.25 * stride_m * stride_m) + _SMALLEST_AXIS_M
+    return 0.5 * stride_m + math.sqrt(axis * axis + 0.25 * stride_m * stride_m) + SMALLEST_AXIS_M
 
 
 @compiled
@@ -97,14 +48,17 @@ def _cells(position, side):
 
 @compiled
 def _push(r_x, r_y, y_x, y_y, e_x, e_y, forces):
-    """`forces.pedestrian_repulsion` times `forces.sight_weight` for one pair."""
+    """Repulsion of one pair, m/s^2, weighted by what is seen. Helbing & Molnar 1995, eq. 3, 7 and 8.
+
+    r leads from the other pedestrian to this one, y is the stride of the other, e the desired direction; with
+    n(a) = a / |a|, f = V0 / sigma exp(-b / sigma) (|r| + |r - y|) / (4 b) (n(r) + n(r - y)).
+    """
     a_x, a_y = r_x - y_x, r_y - y_y
     here, there = math.sqrt(r_x * r_x + r_y * r_y), math.sqrt(a_x * a_x + a_y * a_y)
-    square = (here + there) ** 2 - (y_x * y_x + y_y * y_y)
-    axis = 0.5 * math.sqrt(max(square, 4.0 * _SMALLEST_AXIS_M**2))
+    axis = ellipse_axis(here, there, y_x * y_x + y_y * y_y)
     push = forces.pedestrian_strength / forces.pedestrian_range_m
     push *= math.exp(-axis / forces.pedestrian_range_m) * (here + there) / (4.0 * axis)
-    here, there = max(here, _SMALLEST_AXIS_M), max(there, _SMALLEST_AXIS_M)
+    here, there = max(here, SMALLEST_AXIS_M), max(there, SMALLEST_AXIS_M)
     f_x, f_y = push * (r_x / here + a_x / there), push * (r_y / here + a_y / there)
     if -(e_x * f_x + e_y * f_y) < math.sqrt(f_x * f_x + f_y * f_y) * forces.sight_cosine:
         return f_x * forces.unseen_weight, f_y * forces.unseen_weight
@@ -160,11 +114,11 @@ def accompany(n, position, velocity, direction, group, forces):
             to_x, to_y = position[m, 0] - position[n, 0], position[m, 1] - position[n, 1]
             others, sum_x, sum_y = others + 1, sum_x + to_x, sum_y + to_y
             if math.sqrt(to_x * to_x + to_y * to_y) < forces.group_distance_m:
-                w_x, w_y = _unit(to_x, to_y)
+                w_x, w_y = unit(to_x, to_y)
                 push_x, push_y = push_x - w_x, push_y - w_y
     if others == 0:
         return 0.0, 0.0
-    u_x, u_y = _unit(sum_x, sum_y)
+    u_x, u_y = unit(sum_x, sum_y)
     far = math.sqrt(sum_x * sum_x + sum_y * sum_y) / (others + 1) > 0.5 * others
     pull = forces.group_attraction if far else 0.0
     cosine = min(max(direction[n, 0] * u_x + direction[n, 1] * u_y, -1.0), 1.0)

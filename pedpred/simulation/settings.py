@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pedpred.errors import ValueRuleError
 from pedpred.settings import (
@@ -15,12 +15,44 @@ from pedpred.settings import (
     Settings,
     check_fields,
     load,
-    load_together,
 )
-from pedpred.simulation.forces import ForceSettings
 
 _NARROWEST = 0.1
 """Least width of the range of speeds, in deviations: at least 2 % of the draws lie in it."""
+
+
+class ForceSettings(NamedTuple):
+    """Constants of the model, Helbing & Molnar 1995, section III.
+
+    Attributes:
+        relaxation_time_s: tau, time to regain the desired velocity.
+        speed_cap: largest speed as a multiple of the desired one.
+        pedestrian_strength: V0, m^2/s^2.
+        pedestrian_range_m: sigma.
+        anticipation_s: Delta t, the ellipse looks s = |v| Delta t ahead of the other.
+        border_strength: U0, m^2/s^2.
+        border_range_m: R.
+        sight_cosine: cosine of the half angle of sight.
+        unseen_weight: c, weight of a force from outside the field of sight.
+        group_gaze: beta_1 of Moussaid et al. 2010, 1/s per radian.
+        group_attraction: beta_2, m/s^2.
+        group_repulsion: beta_3, m/s^2.
+        group_distance_m: d0, members closer than this repel each other.
+    """
+
+    relaxation_time_s: Annotated[float, In("(0, 100]")]
+    speed_cap: Annotated[float, In("(0, 100]")]
+    pedestrian_strength: Annotated[float, In("[0, 10000]")]
+    pedestrian_range_m: Annotated[float, In("(0, 100]")]
+    anticipation_s: Annotated[float, In("[0, 10000]")]
+    border_strength: Annotated[float, In("[0, 10000]")]
+    border_range_m: Annotated[float, In("(0, 100]")]
+    sight_cosine: Annotated[float, In("[-1, 1]")]
+    unseen_weight: Annotated[float, In("[0, 1]")]
+    group_gaze: Annotated[float, In("[0, 10000]")]
+    group_attraction: Annotated[float, In("[0, 10000]")]
+    group_repulsion: Annotated[float, In("[0, 10000]")]
+    group_distance_m: Annotated[float, In("[0, 10000]")]
 
 
 @dataclass(frozen=True)
@@ -149,25 +181,6 @@ def social_force_settings(plain: Mapping[str, Any]) -> SocialForceSettings:
 
 
 @dataclass(frozen=True)
-class SetUse(Settings):
-    """How a set of scenes is seen and learned from, in terms of named rows of settings.
-
-    Attributes:
-        social_force: walking of its people, or of the forecasters that simulate them.
-        tracker: of its people.
-        sensor: that detects them.
-        phase_offsets: step sequences per track, see `pedpred.features.extract_blocks`.
-        variants: altered copies of each scene to learn from.
-    """
-
-    social_force: str
-    tracker: str
-    sensor: str
-    phase_offsets: Annotated[int, In("[1, 100]")]
-    variants: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class SimulationSettings(Settings):
     """A simulated data set.
 
@@ -191,16 +204,6 @@ class SimulationSettings(Settings):
             raise ValueRuleError("drawn", self.drawn, "name a layout or set 'generated' above 0")
         if len(set(self.rooms)) < len(self.rooms):
             raise ValueRuleError("drawn", self.drawn, "the names of rooms must differ")
-
-    @classmethod
-    def parse(cls, row: Mapping[str, Any]) -> SimulationSettings:
-        """Parse a row of the configuration, which also holds the fields of `SetUse`.
-
-        Raises:
-            ValueRuleError: a field is missing or unknown, or breaks its rule.
-        """
-        settings: SimulationSettings = load_together([cls, SetUse], row)[0]
-        return settings
 
     @property
     def rooms(self) -> list[str]:

@@ -79,14 +79,16 @@ class Polygon:
     corners: Sequence[Point]
 
     def __post_init__(self) -> None:
+        import shapely  # late: most rooms have no polygon
+
         corners = finite("corners", self.corners, (None, 2))
         if len(corners) < 3:
             raise ValueRuleError("corners", self.corners, "at least three corners are needed")
-        if _crosses_itself(corners):
+        if not shapely.Polygon(corners).is_valid:
             raise ValueRuleError("corners", self.corners, "its edges must not cross or touch each other")
 
     def covers(self, points: np.ndarray) -> np.ndarray:
-        """See `Shape`; even-odd rule."""
+        """See `Shape`; even-odd rule, so that of two polygons with a common edge one covers a point on it."""
         inside = np.zeros(points.shape[:-1], dtype=bool)
         ends = np.asarray(self.corners, dtype=np.float64)
         for (x1, y1), (x2, y2) in zip(ends, np.roll(ends, -1, axis=0), strict=True):
@@ -196,19 +198,3 @@ def _box(points: Sequence[Point], margin_m: float) -> np.ndarray:
     """An axis-aligned box around points, with a margin. [2, 2]."""
     ends = np.asarray(points, dtype=np.float64)
     return np.stack([ends.min(axis=0) - margin_m, ends.max(axis=0) + margin_m])
-
-
-def _crosses_itself(corners: np.ndarray) -> bool:
-    """Whether two edges of a polygon (corners [K, 2]) that are not adjacent meet."""
-    after = np.roll(corners, -1, axis=0)
-    a, b, c, d = corners[:, None], after[:, None], corners[None], after[None]
-
-    def side(start: np.ndarray, end: np.ndarray, point: np.ndarray) -> np.ndarray:
-        along, to = end - start, point - start
-        return np.sign(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])
-
-    apart = (side(a, b, c) * side(a, b, d) > 0) | (side(c, d, a) * side(c, d, b) > 0)
-    apart |= (np.maximum(a, b) < np.minimum(c, d)).any(axis=-1)  # edges along one line
-    apart |= (np.minimum(a, b) > np.maximum(c, d)).any(axis=-1)
-    steps = np.abs(np.subtract.outer(np.arange(len(corners)), np.arange(len(corners))))
-    return bool((~apart & (steps > 1) & (steps < len(corners) - 1)).any())

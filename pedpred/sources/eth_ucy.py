@@ -11,15 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import InputError
-from pedpred.files import translate_errors
-from pedpred.scenes import Scene, Trajectories
+from pedpred.reading import read_recording
+from pedpred.reading.errors import add_path
+from pedpred.reading.options import ReadOptions
+from pedpred.scenes import Scene
 from pedpred.settings import load
-from pedpred.sources.ewap import EwapSettings, free_ground, read_annotations
+from pedpred.sources.ewap import EwapSettings, free_ground
 
 COLUMNS = ("frame", "id", "x", "y")
 
@@ -49,8 +49,8 @@ def read_text(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
     """
     how: EthUcySettings = load(EthUcySettings, settings)
     path = folder / f"{how.recording}.txt"
-    rows = read_annotations(path, COLUMNS, ("x", "y"))
-    with translate_errors(partial(InputError, path, None)):
-        trajectories = Trajectories(rows.frame / how.frame_rate_hz, rows.track_id, rows.position)
-        ground = free_ground(rows.position, how.resolution_m, how.margin_m)
-    return Scene(name, trajectories, ground, how.annotation_frames / how.frame_rate_hz)
+    options = ReadOptions(columns=COLUMNS, rate_hz=how.frame_rate_hz, any_speed=True)
+    people = read_recording(path, options).scene.trajectories
+    with add_path(path):
+        ground = free_ground(people.position, how.resolution_m, how.margin_m)
+    return Scene(name, people, ground, how.annotation_frames / how.frame_rate_hz)

@@ -13,38 +13,29 @@ The velocity columns are never used: they are central differences, so they conta
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
 from pedpred.errors import InputError, ValueRuleError
-from pedpred.files import check_input, read_picture, translate_errors
+from pedpred.files import check_input, read_picture
 from pedpred.geometry import Homography
+from pedpred.reading import read_recording
 from pedpred.reading.errors import ContentError, add_path
-from pedpred.reading.text import BLANKS, TextForm, finite_numbers, read_columns, read_lines, whole_numbers
+from pedpred.reading.options import ReadOptions
+from pedpred.reading.text import read_lines
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.settings import In, Settings, load
 
-COLUMNS = ("frame", "id", "pos_x", "pos_z", "pos_y", "v_x", "v_z", "v_y")
+COLUMNS = ("frame", "id", "x", "height", "y", "v_x", "v_height", "v_y")
 ALONE = -1
 _FIRST_PIXEL = 1
 _BRIGHTEST_FREE = 127
 _MOST_CELLS = 4_000_000
 _BORDER = 0.1  # how far outside the picture an annotation may lie, in sides of the picture
-
-
-@dataclass(frozen=True)
-class Annotations:
-    """The rows of `read_annotations`: frame [M], track_id [M], position [M, 2] (world, m), line [M]."""
-
-    frame: np.ndarray
-    track_id: np.ndarray
-    position: np.ndarray
-    line: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -80,26 +71,21 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
     homography = _read_homography(folder / "H.txt")
     blocked = _read_image(folder / "map.png", "L") > _BRIGHTEST_FREE
     camera = _read_camera(folder, homography, blocked.shape)
-    rows = read_annotations(folder / "obsmat.txt", COLUMNS, ("pos_x", "pos_y"))
-    _check_in_picture(folder, rows, homography, blocked.shape)
-    groups = _read_groups(folder / "groups.txt", set(rows.track_id.tolist()))
-    with translate_errors(partial(InputError, folder / "obsmat.txt", None)):
-        trajectories = Trajectories(
-            time_s=rows.frame / how.frame_rate_hz,
-            track_id=rows.track_id,
-            position=rows.position,
-            group_id=np.array([groups.get(track, ALONE) for track in rows.track_id.tolist()]),
-        )
+    options = ReadOptions(columns=COLUMNS, rate_hz=how.frame_rate_hz, any_speed=True)
+    people = read_recording(folder / "obsmat.txt", options).scene.trajectories
+    _check_in_picture(folder / "obsmat.txt", people, homography, blocked.shape)
+    groups = _read_groups(folder / "groups.txt", set(people.track_id.tolist()))
+    group_id = np.array([groups.get(track, ALONE) for track in people.track_id.tolist()])
     try:
-        occupancy = occupancy_from_image(blocked, homography, rows.position, how.resolution_m, how.margin_m)
+        ground = occupancy_from_image(blocked, homography, people.position, how.resolution_m, how.margin_m)
     except ValueRuleError as cause:
         problem = f"{cause}: an obstacle reaches the horizon, H.txt is wrong or resolution_m too small"
         raise InputError(folder / "map.png", None, problem) from cause
     dt_s = how.annotation_frames / how.frame_rate_hz
-    return Scene(name, trajectories, occupancy, dt_s, camera)
+    return Scene(name, replace(people, group_id=group_id), ground, dt_s, camera)
 
 
-def merged(groups: Iterable[set[int]]) -> list[set[int]]:
+def merge_groups(groups: Iterable[set[int]]) -> list[set[int]]:
     """Unite groups that share a member until all are disjoint; ordered by their smallest member."""
     apart: list[set[int]] = []
     for group in groups:
@@ -108,53 +94,10 @@ def merged(groups: Iterable[set[int]]) -> list[set[int]]:
     return sorted(apart, key=min)
 
 
-def read_annotations(path: Path, titles: Sequence[str], axes: tuple[str, str]) -> Annotations:
-    """Read a text whose rows are one person in one frame each.
-
-    Args:
-        path: the file.
-        titles: of its columns; `frame` and `id` are among them.
-        axes: titles of the columns of x and y.
-
-    Raises:
-        InputError: the file is missing, empty or wrong, or a person is in a frame twice; it names the line.
-    """
-    check_input(path)
-    with add_path(path):
-        table = read_columns(path, TextForm(titles, BLANKS), {name: name for name in titles}, ())
-        if not table.num_rows:
-            raise ContentError("no annotations, the file is empty")
-        columns = {name: finite_numbers(table[name], name) for name in titles}
-        frame, track_id = (whole_numbers(columns[name], name, 0) for name in ("frame", "id"))
-        _check_unique(frame, track_id)
-    position = np.stack([columns[axis] for axis in axes], axis=-1)
-    return Annotations(frame, track_id, position, np.arange(1, len(frame) + 1))
-
-
-def _check_unique(frame: np.ndarray, track_id: np.ndarray) -> None:
-    """Check that each person is in a frame at most once.
-
-    Raises:
-        ContentError: a person is there twice; it names both lines.
-    """
-    order = np.lexsort((track_id, frame))  # stable: of equal rows the earlier line comes first
-    again = np.flatnonzero((np.diff(frame[order]) == 0) & (np.diff(track_id[order]) == 0))
-    if len(again):
-        row = again[np.argmin(order[again + 1])]
-        here, earlier = order[row + 1], order[row]
-        problem = f"frame {frame[here]} and id {track_id[here]} again, first in line {earlier + 1}"
-        raise ContentError(problem, line=int(here) + 1)
-
-
 def _read_homography(path: Path) -> Homography:
     check_input(path)
     with add_path(path):
-        names = ("h_1", "h_2", "h_3")
-        table = read_columns(path, TextForm(names, BLANKS), {name: name for name in names}, ())
-        if table.num_rows != 3:
-            raise ContentError(f"{table.num_rows} rows, expected a 3 x 3 matrix")
-        rows = np.stack([finite_numbers(table[name], name) for name in names], axis=-1)
-        return Homography(rows, first_pixel=_FIRST_PIXEL)
+        return Homography(np.loadtxt(path), first_pixel=_FIRST_PIXEL)
 
 
 def _read_groups(path: Path, known: set[int]) -> dict[int, int]:
@@ -172,7 +115,7 @@ def _read_groups(path: Path, known: set[int]) -> dict[int, int]:
             if strangers := group - known:
                 raise ContentError(f"id {min(strangers)} has no row in obsmat.txt", line=line)
             groups.append(group)
-    together = [group for group in merged(groups) if len(group) > 1]
+    together = [group for group in merge_groups(groups) if len(group) > 1]
     return {track: number for number, group in enumerate(together) for track in group}
 
 
@@ -192,20 +135,16 @@ def _read_image(path: Path, mode: str) -> np.ndarray:
 
 
 def _check_in_picture(
-    folder: Path, rows: Annotations, homography: Homography, shape: tuple[int, ...]
+    path: Path, people: Trajectories, homography: Homography, shape: tuple[int, ...]
 ) -> None:
     """People were annotated in the video, so that their positions must project into the picture."""
-    pixels = homography.to_image(rows.position)
-    size = np.array(shape)
-    outside = ~((pixels >= -_BORDER * size) & (pixels < (1 + _BORDER) * size)).all(axis=1)
-    if outside.any():
-        row = int(np.flatnonzero(outside)[0])
-        problem = (
-            f"position {rows.position[row].tolist()} is pixel {pixels[row].round().tolist()} (row, column), "
-            f"far outside map.png with its {shape} pixels, as are {outside.sum() - 1} others; "
-            "this row, H.txt or map.png is wrong"
-        )
-        raise InputError(folder / "obsmat.txt", int(rows.line[row]), problem)
+    pixels = homography.to_image(people.position)
+    border = _BORDER * np.array(shape)
+    outside = ~((pixels >= -border) & (pixels < shape + border)).all(axis=1)
+    for row in np.flatnonzero(outside)[:1]:
+        where = f"id {people.track_id[row]} at {people.time_s[row]:g} s, pixel {pixels[row].round().tolist()}"
+        problem = f"{outside.sum()} positions are far outside map.png with its {shape} pixels, first {where}"
+        raise InputError(path, None, problem, "Correct this row, H.txt or map.png")
 
 
 def free_ground(points: np.ndarray, resolution_m: float, margin_m: float) -> OccupancyMap:

@@ -1,30 +1,20 @@
-"""Text files of PeTrack, JuPedSim and PedPy, which hold heads filmed in a laboratory, as a `Scene`.
+"""Laboratory recordings of Juelich as a `Scene`: heads as PeTrack writes them, and the geometry of the walls.
 
-    # framerate: 16
-    # id frame x/m y/m z/m
-    1 53 3.7253 -0.837 1.73
-
-Lines above the rows that begin with `#` are comments. Lengths are metres unless a comment names another
-unit, as in `x/cm`, `x [mm]` or `in cm`. Columns after the fourth are not used.
-`pedpred.reading.geometry.xml` reads the geometry that comes with the text.
+Rows of the text are `id frame x y z`; comments above them say the frame rate and the unit of lengths.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from pedpred.errors import InputError
-from pedpred.files import check_input, translate_errors
-from pedpred.reading import table
+from pedpred.reading import read_recording
 from pedpred.reading.errors import add_path
 from pedpred.reading.geometry import occupancy_of, read_walls
 from pedpred.reading.options import FASTEST_HZ, SLOWEST_HZ, ReadOptions
-from pedpred.reading.tracks import to_tracks
-from pedpred.scenes import Scene, Trajectories
+from pedpred.scenes import Scene
 from pedpred.settings import In, Settings, finite, load
 
 COLUMNS = ("id", "frame", "x", "y")
@@ -69,26 +59,9 @@ def read_laboratory(folder: Path, name: str, settings: Mapping[str, Any]) -> Sce
         ValueRuleError: a setting is out of range.
     """
     how: LaboratorySettings = load(LaboratorySettings, settings)
-    path = folder / f"{how.recording}.txt"
-    walls = read_walls(path.with_suffix(".xml"))
-    with translate_errors(partial(InputError, path.with_suffix(".xml"), None)):
-        occupancy = occupancy_of(walls, how.resolution_m, how.thickness_m, how.open_ends, how.open_end_m)
-    trajectories = read_tracks(path, how.frame_rate_hz)
-    with add_path(path):
-        return Scene(name, trajectories, occupancy, trajectories.usual_interval_s())
-
-
-def read_tracks(path: Path, rate_hz: float | None = None) -> Trajectories:
-    """Read the text alone.
-
-    Args:
-        path: the file.
-        rate_hz: frames per second, needed if no comment has it.
-
-    Raises:
-        InputError: the file is missing or wrong; it names line and value.
-    """
-    options = ReadOptions(columns=COLUMNS, rate_hz=rate_hz)
-    check_input(path)
-    with add_path(path):
-        return to_tracks(str(path), table.read(path, options), options).people
+    path, outline = folder / f"{how.recording}.txt", folder / f"{how.recording}.xml"
+    walls = read_walls(outline)
+    with add_path(outline):
+        ground = occupancy_of(walls, how.resolution_m, how.thickness_m, how.open_ends, how.open_end_m)
+    options = ReadOptions(columns=COLUMNS, rate_hz=how.frame_rate_hz, any_speed=True)
+    return replace(read_recording(path, options).scene, name=name, occupancy=ground)

@@ -32,7 +32,8 @@ from pedpred.sources.archives import unpack_members
 
 _SCHEMES = ("https://", "file://")
 _FAILURES = (OSError, ValueError, EOFError, RecursionError, HTTPException, tarfile.TarError, zlib.error)
-_ARCHIVES = (".tar", ".tar.gz", ".tgz")
+_ARCHIVES = ("*.tar", "*.tar.gz", "*.tgz")
+_SUM = re.compile(r"[0-9a-f]{64}\s+\S.*")
 _log = logging.getLogger(__name__)
 
 NOTE = "UNAVAILABLE.txt"
@@ -64,13 +65,11 @@ class Mirrors(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         for line in self.sha256sums:
-            if len(line.split(maxsplit=1)) != 2:
-                raise ValueRuleError("sha256sums", line, "a line holds a sum and the path of a file")
+            if not _SUM.fullmatch(line):
+                rule = "a line holds a sum of 64 hexadecimal digits and the path of a file"
+                raise ValueRuleError("sha256sums", line, rule)
         if strangers := sorted(set(self.inside) - set(self.sums)):
             raise ValueRuleError("inside", strangers, "these files have no line in sha256sums")
-        for name, digest in self.sums.items():
-            if not re.fullmatch("[0-9a-f]{64}", digest):
-                raise ValueRuleError("sha256sums", f"{digest}  {name}", "a sum has 64 hexadecimal digits")
 
     @classmethod
     def parse(cls, data_set: str, plain: Mapping[str, Any]) -> Mirrors:
@@ -80,19 +79,12 @@ class Mirrors(Settings):
             ValueRuleError: a field is missing or unknown, or breaks its rule.
         """
         check_mapping(data_set, plain)
-        if "data_set" in plain:
-            raise ValueRuleError("data_set", plain["data_set"], "it is the name of the row: omit it")
-        return load(cls, {"data_set": data_set, **plain})
+        return load(cls, {**plain, "data_set": data_set})
 
     @cached_property
     def sums(self) -> dict[str, str]:
         """The SHA-256 sum of each file."""
         return {name: digest for digest, name in (line.split(maxsplit=1) for line in self.sha256sums)}
-
-    @property
-    def members(self) -> dict[str, str]:
-        """Where each file is in archives, at the end of its path there."""
-        return {name: self.inside.get(name, name) for name in self.sums}
 
     @property
     def required(self) -> list[str]:
@@ -128,7 +120,7 @@ def provide(mirrors: Mirrors, target: Path) -> None:
                 new = Path(scratch, "new", folder, NOTE)
                 new.parent.mkdir(parents=True, exist_ok=True)
                 new.write_text(f"{note}\n")
-            _put(Path(scratch, "new"), target)
+            _move_into_place(Path(scratch, "new"), target)
         _log.warning("%s", note)
 
 
@@ -145,27 +137,28 @@ def fetch(mirrors: Mirrors, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     tried: dict[str, str] = {}
     damaged = False
+    present = [str(target)] if target.exists() and not (target / NOTE).exists() else []
     with tempfile.TemporaryDirectory(prefix=f".{target.name}-", dir=target.parent) as scratch:
         copy = Path(scratch, "new")
-        present = [str(target)] if target.exists() and not (target / NOTE).exists() else []
         for place in [*present, *places(mirrors.data_set, mirrors.folders, mirrors.archives)]:
-            missing = {name: inside for name, inside in mirrors.members.items() if not (copy / name).exists()}
-            problem = _collect(place, missing, copy, mirrors.timeout_s)
-            altered = _altered(copy, mirrors.sums)
-            damaged = damaged or bool(altered)
-            problem = problem or lack(copy, mirrors)
-            for name in altered:
-                (copy / name).unlink()
+            try:
+                _collect(place, mirrors, copy)
+                problem = lack(copy, mirrors)
+            except _FAILURES as cause:
+                problem = f"{type(cause).__name__}: {cause}"
             if problem is None:
-                _put(copy, target)
+                _move_into_place(copy, target)
                 _log.info("%s comes from %s", target, place)
                 return
             _log.warning("%s skipped: %s", place, problem)
             tried[place] = problem
+            for name in _find_altered(copy, mirrors.sums):
+                damaged = True
+                (copy / name).unlink()
     raise FetchError(mirrors.data_set, mirrors.required, tried, damaged)
 
 
-def _put(new: Path, target: Path) -> None:
+def _move_into_place(new: Path, target: Path) -> None:
     """Move a folder into the place of another one, which goes to the scratch folder that `new` is in."""
     if target.exists():
         target.rename(new.with_name("old"))
@@ -184,12 +177,12 @@ def places(data_set: str, folders: Iterable[str], archives: Iterable[str]) -> li
     named: dict[str, None] = {}
     own = os.environ.get("PEDPRED_MIRROR")
     inside = os.path.join(own, data_set) if own and "://" not in own else None
-    for place in (own, inside, *folders, *archives):
-        if place and place.startswith(_SCHEMES):
+    for place in filter(None, (own, inside, *folders, *archives)):
+        if place.startswith(_SCHEMES):
             named[place] = None
-        elif place and "://" in place:
+        elif "://" in place:
             raise ValueRuleError("archives", place, "use an address with https:// or file://")
-        elif place:
+        else:
             for root in (".", os.environ.get("DVC_ROOT", ".")):
                 path = os.path.abspath(Path(root, place).expanduser())
                 if place != inside or os.path.isdir(path):
@@ -200,12 +193,12 @@ def places(data_set: str, folders: Iterable[str], archives: Iterable[str]) -> li
 def lack(folder: Path, mirrors: Mirrors) -> str | None:
     """Describe the first thing that is wrong with the files in a folder; None if nothing is."""
     missing = [f"{name} is missing" for name in mirrors.required if not (folder / name).is_file()]
-    problems = [*_altered(folder, mirrors.sums).values(), *missing]
+    problems = [*_find_altered(folder, mirrors.sums).values(), *missing]
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return problems[0] + more if problems else None
 
 
-def _altered(folder: Path, sums: Mapping[str, str]) -> dict[str, str]:
+def _find_altered(folder: Path, sums: Mapping[str, str]) -> dict[str, str]:
     """Name the files in a folder whose sum is another one, and describe each."""
     problems = {}
     for name, expected in sums.items():
@@ -215,35 +208,30 @@ def _altered(folder: Path, sums: Mapping[str, str]) -> dict[str, str]:
     return problems
 
 
-def _collect(place: str, names: Mapping[str, str], copy: Path, timeout_s: float) -> str | None:
-    """Copy the named files that a mirror has; return what prevented it, None if nothing did.
+def _collect(place: str, mirrors: Mirrors, copy: Path) -> None:
+    """Copy the files that a mirror has, and that are not yet there, to a folder.
 
-    Args:
-        place: folder, archive or address of an archive.
-        names: of the files, each with the end of its path in archives.
-        copy: folder to copy to.
-        timeout_s: longest silence of a server, s.
+    Raises:
+        OSError, ValueError and others of `_FAILURES`: it does not exist, or is damaged.
     """
-    try:
-        if place.startswith(_SCHEMES):
-            with urllib.request.urlopen(place, timeout=timeout_s) as response:
-                if not response.url.startswith(_SCHEMES):
-                    return f"it redirects to {response.url}, which is not https"
-                unpack_members(response, int(response.headers["Content-Length"] or 0), names, copy)
-        elif Path(place).is_file():
-            with Path(place).open("rb") as archive:
-                unpack_members(archive, Path(place).stat().st_size, names, copy)
-        elif Path(place).is_dir():
-            for name in names:
-                if Path(place, name).is_file():
-                    (copy / name).parent.mkdir(parents=True, exist_ok=True)
-                    shutil.copyfile(Path(place, name), copy / name)
-            for path in sorted(path for ending in _ARCHIVES for path in Path(place).glob(f"*{ending}")):
-                if wanted := {name: end for name, end in names.items() if not (copy / name).exists()}:
-                    with path.open("rb") as archive:
-                        unpack_members(archive, path.stat().st_size, wanted, copy)
-        else:
-            return "it does not exist"
-    except _FAILURES as cause:
-        return f"{type(cause).__name__}: {cause}"
-    return None
+    if place.startswith(_SCHEMES):
+        with urllib.request.urlopen(place, timeout=mirrors.timeout_s) as response:
+            if not response.url.startswith(_SCHEMES):
+                raise ValueError(f"it redirects to {response.url}, which is not https")
+            size = int(response.headers["Content-Length"] or 0)
+            unpack_members(response, size, _still_missing(mirrors, copy), copy)
+        return
+    folder = Path(place)
+    archives = [path for ending in _ARCHIVES for path in folder.glob(ending)] if folder.is_dir() else [folder]
+    for name in _still_missing(mirrors, copy):
+        if (folder / name).is_file():
+            (copy / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(folder / name, copy / name)
+    for path in sorted(archives):
+        with path.open("rb") as archive:
+            unpack_members(archive, path.stat().st_size, _still_missing(mirrors, copy), copy)
+
+
+def _still_missing(mirrors: Mirrors, copy: Path) -> dict[str, str]:
+    """The files that are not yet in a folder, and where each is in archives."""
+    return {name: mirrors.inside.get(name, name) for name in mirrors.sums if not (copy / name).exists()}

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pedpred.errors import InputError, ValueRuleError
+from pedpred.errors import InputError
 from pedpred.reading import table
-from pedpred.reading.checks import check_interval
+from pedpred.reading.checks import check
 from pedpred.reading.errors import add_path
 from pedpred.reading.names import TrackNames
 from pedpred.reading.options import ReadOptions
@@ -35,7 +34,6 @@ def read_own(folder: Path, names: TrackNames | None = None) -> Scene:
 
     Raises:
         InputError: a file is missing or cannot be understood, or both tables are there; it names the file.
-        InputError: the table cannot be understood.
     """
     stored, path = folder / "tracks.parquet", folder / "tracks.csv"
     if not path.exists():
@@ -59,14 +57,11 @@ def read_folder(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene:
         settings: none, see `FolderSettings`.
 
     Raises:
-        InputError: a file is missing or cannot be understood; the message names file and field.
-        InputError: the times are not seconds.
+        InputError: a file is missing or cannot be understood, or its times are not seconds.
         ValueRuleError: there are settings.
     """
     load(FolderSettings, settings)
     scene = read_own(folder)
-    with suppress(ValueRuleError):  # no track has two detections
-        dt_s = scene.trajectories.usual_interval_s()
-        with add_path(folder):
-            check_interval(dt_s)
+    with add_path(folder):
+        check(scene.trajectories, str(folder), any_speed=True)
     return replace(scene, name=name)

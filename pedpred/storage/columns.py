@@ -23,7 +23,6 @@ _ABOUT_KEY = b"pedpred.about"
 _REMEDY = "Write it again"
 _LARGEST_BYTES, _DENSEST = 2**27, 64
 """Limits for the decoded columns of a row group: this size, or this multiple of the file's size."""
-_NUMBERS = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
 
 
 PAIRS = {
@@ -168,8 +167,11 @@ def read_blocks(
             numbers or of another shape; it names file and field.
     """
     with _errors_of(path), pq.ParquetFile(path, page_checksum_verification=True) as file:
-        _check_version(path, file.schema_arrow, version)
-        row_bytes = sum(_row_bytes(path, file.schema_arrow, *column) for column in shapes.items())
+        schema = file.schema_arrow
+        stored = (schema.metadata or {}).get(_VERSION_KEY, b"none").decode()
+        if version is not None and stored != str(version):
+            raise InputError(path, "schema", f"version {stored}, expected {version}", _REMEDY)
+        row_bytes = sum(_row_bytes(path, schema, name, shape) for name, shape in shapes.items())
         largest = max(_LARGEST_BYTES, _DENSEST * path.stat().st_size)
         for group in range(file.num_row_groups):
             rows = file.metadata.row_group(group).num_rows
@@ -184,41 +186,35 @@ def _errors_of(path: Path) -> AbstractContextManager[None]:
     return translate_errors(partial(InputError, path, "file", remedy=_REMEDY))
 
 
-def _check_version(path: Path, schema: pa.Schema, version: int | None) -> None:
-    stored = (schema.metadata or {}).get(_VERSION_KEY, b"none").decode()
-    if version is not None and stored != str(version):
-        raise InputError(path, "schema", f"version {stored}, expected {version}", _REMEDY)
-
-
 def _row_bytes(path: Path, schema: pa.Schema, name: str, shape: tuple[int, ...]) -> int:
     """Bytes of a column per row; only numbers, and lists and bytes of fixed length, are decoded."""
     if name not in schema.names:
         raise InputError(path, f"column {name}", "it is missing", _REMEDY)
     kind = schema.field(name).type
-    value = kind.value_type if pa.types.is_fixed_size_list(kind) else kind
-    is_bytes = pa.types.is_fixed_size_binary(kind)
-    is_known = is_bytes or any(are_numbers(value) for are_numbers in _NUMBERS)
-    if not is_known or (shape != (-1,) and math.prod(shape) != _width(kind)):
+    value, width = _value_and_width(kind)
+    if np.dtype(value).kind not in "biuf" or (shape != (-1,) and math.prod(shape) != width):
         problem = f"{kind}, not numbers of shape {shape} in each row"
         raise InputError(path, f"column {name}", problem, _REMEDY)
-    return _width(kind) * (1 if is_bytes else -(-value.bit_width // 8))
+    return width * np.dtype(value).itemsize
 
 
-def _width(kind: pa.DataType) -> int:
-    """Number of values in each row of a column."""
+def _value_and_width(kind: pa.DataType) -> tuple[Any, int]:
+    """Type of the values of a column, and their number in each row."""
     if pa.types.is_fixed_size_binary(kind):
-        return kind.byte_width
-    return kind.list_size if pa.types.is_fixed_size_list(kind) else 1
+        return np.uint8, kind.byte_width
+    value, width = (kind.value_type, kind.list_size) if pa.types.is_fixed_size_list(kind) else (kind, 1)
+    return (object if pa.types.is_nested(value) else value.to_pandas_dtype()), width
 
 
 def _to_numpy(path: Path, name: str, values: pa.ChunkedArray, shape: tuple[int, ...]) -> np.ndarray:
     if values.null_count:
         raise InputError(path, f"column {name}", f"{values.null_count} values are missing", _REMEDY)
     column = values.combine_chunks()
-    kind, rows, width = column.type, len(column), _width(column.type)
-    if pa.types.is_fixed_size_binary(kind):
+    _, width = _value_and_width(column.type)
+    if pa.types.is_fixed_size_binary(column.type):
+        rows = len(column)
         flat = np.frombuffer(column.buffers()[1] or b"", np.uint8, rows * width, column.offset * width)
     else:
-        numbers = column.flatten() if pa.types.is_fixed_size_list(kind) else column
+        numbers = column.flatten() if pa.types.is_fixed_size_list(column.type) else column
         flat = numbers.to_numpy(zero_copy_only=False)
-    return flat.reshape(rows, *((width,) if shape == (-1,) else shape))
+    return flat.reshape(len(column), *((width,) if shape == (-1,) else shape))

@@ -12,15 +12,15 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from pedpred.errors import ShapeError
+from pedpred.errors import shape_error
 from pedpred.files import SCRATCH
 
 
 class MappedRows:
-    """An array that grows by blocks of rows on disk, [M, ...]."""
+    """An array that grows by blocks of rows on disk, [M, ...]; the first block sets width and type."""
 
     def __init__(self, name: str) -> None:
-        """Begin without rows; the first block sets width and type.
+        """Begin without rows.
 
         Args:
             name: of the array, for errors.
@@ -32,12 +32,12 @@ class MappedRows:
         self._name = name
         self._file = tempfile.TemporaryFile(buffering=0, dir=SCRATCH)  # noqa: SIM115, closed with this object
         weakref.finalize(self, self._file.close)  # a mapping outlives its file
-        self._rows = 0
-        self._like: np.ndarray | None = None  # a block without rows
+        self._rows: np.ndarray | None = None  # a block without rows
+        self._count = 0
 
     def __len__(self) -> int:
         """Number of rows so far."""
-        return self._rows
+        return self._count
 
     def append(self, rows: np.ndarray) -> None:
         """Add rows behind the others, [m, ...].
@@ -45,18 +45,17 @@ class MappedRows:
         They are written to the file, not assigned through a mapping, where a full disk would end the process.
 
         Raises:
-            ShapeError: they are of another width or type than those before.
+            ValueRuleError: they are of another width or type than those before.
             OSError: the disk is full.
         """
-        like = rows[:0].copy() if self._like is None else self._like
+        like = self._rows = rows[:0].copy() if self._rows is None else self._rows
         if (rows.shape[1:], rows.dtype) != (like.shape[1:], like.dtype):
             expected = f"{(len(rows), *like.shape[1:])} {like.dtype} as before"
-            raise ShapeError(f"{self._name} ({rows.dtype})", rows.shape, expected)
-        self._like = like
+            raise shape_error(f"{self._name} ({rows.dtype})", rows.shape, expected)
         data = np.ascontiguousarray(rows).reshape(-1).view(np.uint8).data
         while len(data):
             data = data[self._file.write(data) :]
-        self._rows += len(rows)
+        self._count += len(rows)
 
     def extend(self, blocks: Iterable[np.ndarray]) -> None:
         """Add block after block, see `append`."""
@@ -67,11 +66,11 @@ class MappedRows:
         """Return all rows that have been added, [M, ...]; the array is valid without this object.
 
         Raises:
-            ShapeError: no block was ever added.
+            ValueRuleError: no block was ever added.
         """
-        if self._like is None:
-            raise ShapeError(self._name, (), "at least one block of rows")
-        shape = (self._rows, *self._like.shape[1:])
-        if not self._file.tell():  # an empty file cannot be mapped
-            return np.zeros(shape, self._like.dtype)
-        return np.asarray(np.memmap(self._file, self._like.dtype, "r+", shape=shape))
+        if self._rows is None:
+            raise shape_error(self._name, (), "at least one block of rows")
+        shape = (self._count, *self._rows.shape[1:])
+        if 0 in shape:  # an empty file cannot be mapped
+            return np.zeros(shape, self._rows.dtype)
+        return np.asarray(np.memmap(self._file, self._rows.dtype, "r+", shape=shape))

@@ -44,8 +44,7 @@ def spaced(time_s, age):  # pragma: no cover (compiled)
 def references(time_s, age):  # pragma: no cover (compiled)
     """Row of the earlier detection that each velocity is measured from; its own row at a birth.
 
-    The latest of those kept (`spaced`) that is at least `SPACING_S` older, so that noise is not divided by
-    milliseconds; the life's first detection if it is younger.
+    That of `latest_apart` among those kept (`spaced`).
 
     Args:
         time_s: detections sorted by (life, time), s. [M]
@@ -54,16 +53,33 @@ def references(time_s, age):  # pragma: no cover (compiled)
     Returns:
         [M] int64
     """
-    kept, latest_row = spaced(time_s, age), np.arange(len(time_s))
-    latest = 0
+    kept, row_of = spaced(time_s, age), np.arange(len(time_s))
+    kept_row, kept_s = np.empty(len(time_s), np.int64), np.empty(len(time_s))
+    first, end = 0, 0
     for row in range(len(time_s)):
         if age[row] == 0:
-            latest = row
-            continue
-        for later in range(latest + 1, row):
-            if time_s[row] - time_s[later] < SPACING_S - TIME_TOLERANCE_S:
-                break
-            if kept[later]:
-                latest = later
-        latest_row[row] = latest
-    return latest_row
+            first = end
+        else:
+            row_of[row] = kept_row[latest_apart(kept_s, first, end, time_s[row])]
+        if kept[row]:
+            kept_row[end], kept_s[end], end = row, time_s[row], end + 1
+    return row_of
+
+
+@compiled
+def latest_apart(kept_s, first, end, now_s):  # pragma: no cover (compiled)
+    """Row of the detection that a velocity at an instant is measured from.
+
+    The latest that is at least `SPACING_S` older, so that noise is not divided by milliseconds; the first one
+    if it is younger.
+
+    Args:
+        kept_s: times of the detections that a history keeps; those of the person are rows [first, end), s.
+        first: row.
+        end: after the last row.
+        now_s: the instant, s.
+    """
+    row = end - 1
+    while row > first and now_s - kept_s[row] < SPACING_S - TIME_TOLERANCE_S:
+        row -= 1
+    return row

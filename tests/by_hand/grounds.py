@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from pedpred.simulation.forces import ForceSettings
 from pedpred.simulation.ground import Ground
 from pedpred.simulation.routing import Routes
+from pedpred.simulation.settings import ForceSettings
 
 FORCES = ForceSettings(
     relaxation_time_s=0.6,

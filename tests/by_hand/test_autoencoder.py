@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from pedpred.errors import InputError, ValueRuleError
+from pedpred.errors import InputError
 from pedpred.models.lstm.autoencoder import (
     GridAutoencoder,
     GridEncoder,
@@ -14,7 +14,7 @@ from pedpred.models.lstm.autoencoder import (
     read_autoencoder,
     reconstruction_loss,
 )
-from pedpred.models.lstm.encoding import encode, encode_once, float_crops, load_encoder
+from pedpred.models.lstm.encoding import encode, encode_once, load_encoder
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training import AutoencoderLearner, AutoencoderSettings
 
@@ -176,13 +176,6 @@ def packed_crops(count, cells=16):
     return np.random.default_rng(7).integers(0, 256, (count, cells**2 // 8), dtype=np.uint8)
 
 
-def test_packed_crops_become_numbers_bit_by_bit():
-    """Least significant bit first: 0b00000011, 0b10000000 and so on are the cells of four rows."""
-    found = float_crops(np.array([[0b00010011, 0b10000000]], np.uint8), 4)
-    assert found.dtype == torch.float32
-    assert found.tolist() == [[[1, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]]]
-
-
 def test_every_crop_is_encoded_also_behind_the_first_batch():
     torch.manual_seed(0)
     encoder, packed = GridEncoder(16, 3), packed_crops(19)
@@ -231,17 +224,6 @@ def test_batches_are_sorted_draws_and_continue():
     expected = [np.sort(rng.integers(0, 23, 5)).tolist() for _ in range(6)]
     assert [rows.tolist() for rows in islice(learner().batches(0), 6)] == expected
     assert [rows.tolist() for rows in islice(learner().batches(2), 4)] == expected[2:]
-
-
-def test_loss_of_a_batch_is_equation_four_of_its_crops():
-    one = learner()
-    rows, sides = np.array([20, 3, 8]), [16, 6, 3, 2]
-    crops = unpacked(packed_crops(23)[rows])
-    off = crops - reconstructed(weights_of(one.network), crops, sides)
-    found = one.loss(rows, 0)
-    assert found.total.item() == pytest.approx((off**2).sum(axis=(1, 2)).mean(), rel=1e-5)
-    assert found.reported is found.total
-    assert found.weight.item() == 3
 
 
 def test_validation_is_over_all_crops_of_19():
@@ -294,11 +276,3 @@ def test_weights_of_pre_training_follow_the_seed_and_ties():
     assert learner().memory == {}
     assert not len(learner().network.decoder)
     assert len(learner(tied=False).network.decoder) == 4
-
-
-def test_pre_training_settings_have_limits():
-    for fine in ({"latent": 1}, {"latent": 100000}, {"batch": 1}, {"batch": 1000000}, {"clip_norm": 1e6}):
-        AutoencoderSettings(**vars(SETTINGS) | fine)
-    for wrong in ({"latent": 0}, {"latent": 100001}, {"batch": 0}, {"clip_norm": 0.0}, {"steps": 0}):
-        with pytest.raises(ValueRuleError, match=next(iter(wrong))):
-            AutoencoderSettings(**vars(SETTINGS) | wrong)

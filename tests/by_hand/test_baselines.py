@@ -7,11 +7,16 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from pedpred.baselines import present_motion
-from pedpred.baselines.kalman import kalman_covariance, kalman_velocity
-from pedpred.baselines.present_motion import PRESENT_MOTION
+from pedpred.baselines.present_motion import PRESENT_MOTION, kalman_covariance, kalman_velocity
 from pedpred.baselines.registry import BASELINES, baseline
-from pedpred.baselines.social_force import InitialState, initial_state, intentions, social_force
-from pedpred.baselines.together import forecast_jointly, instants, present_at
+from pedpred.baselines.social_force import (
+    InitialState,
+    initial_state,
+    intentions,
+    people_present,
+    rows_of_instants,
+    social_force,
+)
 from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol, extract_at_detections
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
@@ -82,24 +87,22 @@ def test_a_row_names_its_baseline_by_key_or_setting():
 def test_everybody_present_is_rolled_out_at_each_instant():
     """At 1.02, 1.4 and 1.8 s, up to 0.5 s old: track 4 at 1.0 + 0.02, 1.4 and 1.8 s, 7 at 1.02 (+ 0.38) s."""
     request = request_of(0.4, np.array([1, 7, 2]))
-    people, answers = present_at(request)
+    people, answers = people_present(request)
     assert people.track_id.tolist() == [4, 4, 4, 7, 7]
     assert people.time_s.tolist() == [1.02, 1.4, 1.8, 1.02, 1.4]
     late, rows = np.array([0.02, 0, 0, 0, 0.38])[:, None], [0, 1, 2, 7, 7]
     np.testing.assert_allclose(people.velocity, PACE[rows], atol=1e-6)
     np.testing.assert_allclose(people.position, TRACKED[rows] + late * PACE[rows], atol=1e-6)
     assert answers.tolist() == [1, 3, 2]
-    found = forecast_jointly(request, lambda present: np.tile(present.position[:, None], (1, 3, 1)))
-    np.testing.assert_allclose(found.point, np.tile(TRACKED[[1, 7, 2]][:, None], (1, 3, 1)), atol=1e-6)
-    assert found.dt_s == 0.4
+    np.testing.assert_allclose(people.position[answers], TRACKED[[1, 7, 2]], atol=1e-6)
     sooner = replace(request, sizes=ForecastProtocol(0.4, 3, max_age_intervals=0.9))
-    assert present_at(sooner)[0].track_id.tolist() == [4, 4, 4, 7]
+    assert people_present(sooner)[0].track_id.tolist() == [4, 4, 4, 7]
 
 
 def test_rows_are_grouped_by_instant():
-    found = instants(np.array([2.0, 0.5, 2.0, 1.0, 0.5]))
+    found = rows_of_instants(np.array([2.0, 0.5, 2.0, 1.0, 0.5]))
     assert [rows.tolist() for rows in found] == [[1, 4], [3], [0, 2]]
-    assert instants(np.zeros(0)) == []
+    assert rows_of_instants(np.zeros(0)) == []
 
 
 @pytest.mark.parametrize("dt_s", [0.3, 0.4])

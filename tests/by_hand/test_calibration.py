@@ -11,28 +11,13 @@ from pedpred.metrics.calibration import (
     coverage,
     describe,
     mixture_nll,
-    negative_log_likelihood,
-    radius2,
     share_inside,
     share_reached,
     shown_steps,
-    squared_mahalanobis,
     sunflower,
 )
 from pedpred.scenes import Predictions
-from tests.by_hand.test_metrics import PATHS, SEEN, SHARES, SIGMAS, covariances, modes_of, scene_of
-
-
-def test_mahalanobis_distance_and_log_density():
-    """Sigma = (2, 0.5; 0.5, 1): its determinant is 1.75, its inverse (1, -0.5; -0.5, 2) / 1.75.
-
-    e = (1, -2): d^2 = (1 + 2 + 8) / 1.75. -ln N = d^2 / 2 + ln(2 pi) + ln(det) / 2.
-    """
-    error, sigma = np.array([[1.0, -2.0], [0.0, 3.0]]), covariances([2.0, 0.5, 1.0], [2.0, 0.5, 1.0])
-    found = squared_mahalanobis(error, sigma)
-    np.testing.assert_allclose(found, [11 / 1.75, 18 / 1.75])
-    expected = np.array([11, 18]) / 3.5 + np.log(2 * np.pi) + 0.5 * np.log(1.75)
-    np.testing.assert_allclose(negative_log_likelihood(found, sigma), expected)
+from tests.by_hand.modes import PATHS, SEEN, SHARES, SIGMAS, covariances, modes_of, scene_of
 
 
 def log_densities(truth, path, sigma):
@@ -63,11 +48,6 @@ def test_without_covariances_there_is_no_likelihood():
     given = modes_of(PATHS, SHARES)
     np.testing.assert_array_equal(mixture_nll(given, SEEN), np.full((2, 3), np.nan))
     np.testing.assert_array_equal(METRICS["nll"].value(given, SEEN, scene_of(2)), [np.nan, np.nan])
-
-
-def test_radius_of_a_region_of_a_plane_gaussian():
-    """p = 1 - exp(-r^2 / 2)."""
-    np.testing.assert_allclose(radius2(np.array([0.0, 0.5, 0.9])), [0.0, 2 * np.log(2), 2 * np.log(10)])
 
 
 def test_points_of_rings_lie_at_golden_angles():

@@ -78,6 +78,21 @@ def test_a_contact_in_plain_numbers():
     assert found.fault.tolist() == [True]
 
 
+@pytest.mark.parametrize("begin_m", [1.2, 1.1, 1.0, 0.9, 0.73])
+def test_a_contact_exactly_at_an_instant_counts_once(begin_m):
+    """The person is 0.7 m away at the second instant and nearer at the third; it comes back later."""
+    way = [[begin_m, 0.0], [0.7, 0.0], [0.6, 0.0], [1.3, 0.0], [0.7, 0.0], [0.8, 0.0]]
+    found = find_contacts(drive_of([[0.0, 0.0]] * 6, [way]), 0.4)
+    assert found.time_s.tolist() == pytest.approx([0.4, 1.6])
+
+
+def test_who_touches_the_robot_at_first_has_no_contact_until_they_part():
+    """As those who are within it: the contact began before the drive."""
+    way = [[0.7, 0.0], [0.6, 0.0], [0.9, 0.0], [0.5, 0.0]]
+    found = find_contacts(drive_of([[0.0, 0.0]] * 4, [way]), 0.4)
+    assert found.time_s.tolist() == pytest.approx([0.4 * 2.5])
+
+
 @pytest.mark.parametrize(("speed_mps", "fault"), [(0.0, False), (0.047, False), (0.053, True), (-0.2, False)])
 @pytest.mark.parametrize("dt_s", [0.3, 0.4])
 def test_the_robot_is_at_fault_if_it_moves_towards_who_is_hit(speed_mps, fault, dt_s):

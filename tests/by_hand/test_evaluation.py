@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import EvaluationSettings, MetricSettings, Resampling, Scores, pool_scores, score
+from pedpred.evaluation import MetricSettings, Resampling, Scores, pool_scores, score
+from pedpred.evaluation.measure import describe_scene
 from pedpred.evaluation.scores import (
-    describe_scene,
-    integrate_truth,
     join_scores,
     read_scores,
     write_scores,
@@ -20,9 +19,10 @@ from pedpred.evaluation.summary import (
     summarise_methods,
     summarise_test_set,
 )
-from pedpred.features import FeatureTable
+from pedpred.evaluation.windows import integrate_truth
 from pedpred.metrics import Metric
 from pedpred.scenes import Predictions
+from tests.by_hand.tables import table_of
 from tests.forecasts import metric_scene
 from tests.worlds import empty_map
 
@@ -38,15 +38,6 @@ def scores_of(values_m=ADE_M, track=TRACK, **given):
     rows = len(track)
     usual = {"error_m": ERROR_M[:rows], "inside": INSIDE[:rows], "nll": NLL[:rows]}
     return Scores(track, {"ade_m": values_m[:rows]}, **usual | given)
-
-
-def table_of(rows, steps, **given):
-    """A feature table with the given columns, and zeros in the others."""
-    usual = {name: np.zeros(rows) for name in ("track_id", "phase", "step", "time_s", "heading_rad")}
-    pairs = ("position", "velocity", "last_position", "last_velocity", "last_acceleration")
-    usual |= {name: np.zeros((rows, 2)) for name in pairs}
-    usual |= {"future": np.zeros((rows, steps, 2), np.float32), "future_steps": np.zeros(rows, np.int8)}
-    return FeatureTable(**usual | {name: np.asarray(values) for name, values in given.items()})
 
 
 @pytest.mark.parametrize("dt_s", [0.3, 0.4])
@@ -114,19 +105,6 @@ def test_positive_definite_covariances_are_measured(sigma):
     xx, xy, yy = sigma
     covariance = np.tile(np.array([[xx, xy], [xy, yy]], float), (2, 3, 1, 1))
     assert np.isfinite(measured(covariance).nll).all()
-
-
-@pytest.mark.parametrize(
-    ("kind", "given"),
-    [
-        *((Resampling, {"bootstrap": 0}), (Resampling, {"seed": -1}), (MetricSettings, {"moving_mps": 0.0})),
-        *((MetricSettings, {"collision_m": -0.1}), (MetricSettings, {"miss_m": np.inf})),
-        *((EvaluationSettings, {"bootstrap": 0}), (EvaluationSettings, {"miss_m": 0.0})),
-    ],
-)
-def test_settings_outside_their_ranges_are_refused(kind, given):
-    with pytest.raises(ValueRuleError):
-        kind(**given)
 
 
 def test_calibration_needs_covariances_and_can_be_left_out():

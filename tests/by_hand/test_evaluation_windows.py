@@ -5,14 +5,15 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import MetricSettings
-from pedpred.evaluation.compare import Trial, compare, evaluate_scene
+from pedpred.evaluation import MetricSettings, given, measure
 from pedpred.evaluation.forecasts import join_windows, read_forecasts, read_windows, write_windows
 from pedpred.evaluation.scores import read_scores
-from pedpred.evaluation.windows import ask_about_windows, count_without_truth, find_windows
+from pedpred.evaluation.trial import Trial, evaluate_scene, forecast_windows
+from pedpred.evaluation.windows import find_windows, window_rows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.models.lstm.features import LstmFeatures
@@ -20,7 +21,7 @@ from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import write_scene
 from pedpred.tracking import KalmanBank, KalmanSettings
-from tests.by_hand.test_evaluation import table_of
+from tests.by_hand.tables import table_of
 from tests.forecasts import drawn_predictions, windows_with
 from tests.simulated import SETTINGS as WALKING
 from tests.worlds import empty_map
@@ -52,37 +53,39 @@ LOST = [(9, 2.0), (9, 2.4), (9, 2.8)]
 
 
 def test_windows_have_a_past_and_all_of_their_future():
-    request = ask_about_windows(walks(), HOW, SIZES)
+    request = find_windows(walks(), HOW, SIZES).request
     asked = request.asked
     found = list(zip(asked.track_id.tolist(), np.round(asked.time_s, 3).tolist(), strict=True))
     assert found == WINDOWS
-    assert count_without_truth(request.table, SIZES, "walks") == len(LOST)
+    assert window_rows(request.table, SIZES, "walks")[1] == len(LOST)
     more = replace(SIZES, min_history=3)
-    assert len(ask_about_windows(walks(), HOW, more).rows) == 1  # of track 4
+    assert len(find_windows(walks(), HOW, more)) == 1  # of track 4
 
 
 def test_a_request_tells_what_was_perceived():
     bank = KalmanBank((TRACKER, KalmanSettings(0.3, 0.1)))
     noisy = SensorSettings(position_noise_m=0.07, seed=5)
-    request = ask_about_windows(walks(), Perception(bank, 0.2, noisy), SIZES, WALKING)
+    request = find_windows(walks(), Perception(bank, 0.2, noisy), SIZES, WALKING).request
     assert (request.tracker, request.social_force, request.sizes) == (TRACKER, WALKING, SIZES)
     assert (request.detection_interval_s, request.detection_noise_m) == (0.4, 0.07)
     assert request.clock is not None
     np.testing.assert_array_equal(request.tracks.time_s, request.table.time_s)
-    assert ask_about_windows(walks(), HOW, SIZES).tracker == TRACKER
-    lean = ask_about_windows(walks(), HOW, SIZES, memory=False)
+    assert find_windows(walks(), HOW, SIZES).request.tracker == TRACKER
+    lean = find_windows(walks(), HOW, SIZES, memory=False).request
     assert (lean.clock, lean.social_force, lean.detection_noise_m) == (None, None, 0.0)
 
 
 def test_tracks_that_know_the_future_have_no_tracker():
-    assert ask_about_windows(walks(), HOW, replace(SIZES, noncausal=True)).tracker is None
+    assert find_windows(walks(), HOW, replace(SIZES, noncausal=True)).request.tracker is None
 
 
 def test_truth_is_where_people_are_not_where_detected():
     """The steps of 0.4 s are those of the recording, so that its positions are the true ones."""
     scene = walks()
-    request = ask_about_windows(scene, replace(HOW, sensor=SensorSettings(position_noise_m=0.2)), SIZES)
-    windows, scores = compare(request, {"still": standing}, MetricSettings())
+    found = find_windows(scene, replace(HOW, sensor=SensorSettings(position_noise_m=0.2)), SIZES)
+    request, predictions = found.request, standing(found.request)
+    scores = measure(found, {"still": given(predictions)}, MetricSettings())
+    windows = forecast_windows(found, {"still": predictions})
     true = scene.trajectories
     known = zip(true.track_id, np.round(true.time_s, 3), strict=True)
     at = {(who, time_s): row for row, (who, time_s) in enumerate(known)}
@@ -98,24 +101,32 @@ def test_truth_is_where_people_are_not_where_detected():
         np.testing.assert_array_equal(getattr(windows, name), getattr(request.asked, name))
 
 
-def test_rows_of_a_request_become_all_windows():
-    """Whatever rows a request has, all windows of its table are measured; noncausal scores say so."""
-    request = ask_about_windows(walks(), HOW, replace(SIZES, noncausal=True))
-    part = replace(request, rows=request.rows[:1])
-    _, scores = compare(part, {"still": standing}, MetricSettings())
-    assert len(scores["still"].track) == len(request.rows) > 1
-    assert scores["still"].noncausal
+def test_noncausal_scores_say_so():
+    windows = find_windows(walks(), HOW, replace(SIZES, noncausal=True))
+    assert measure(windows, {"still": standing}, MetricSettings())["still"].noncausal
+
+
+def test_some_windows_are_selected_with_their_truth():
+    whole = find_windows(walks(), HOW, SIZES)
+    part = whole.select(np.array([3, 0]))
+    assert list(zip(part.track.tolist(), np.round(part.time_s, 3).tolist(), strict=True)) == [
+        WINDOWS[3],
+        WINDOWS[0],
+    ]
+    np.testing.assert_array_equal(part.truth, whole.truth[[3, 0]])
+    np.testing.assert_array_equal(part.request.asked.time_s, part.time_s)
+    assert (len(part), part.without_truth) == (2, len(LOST))
 
 
 def test_grids_of_windows_are_those_of_their_people():
     shown = LstmFeatures(grid_cells=8, grid_resolution_m=0.25, angular_cells=12, max_range_m=7.5)
-    request = ask_about_windows(walks(), HOW, SIZES)
-    windows, _ = compare(request, {}, MetricSettings(), shown)
+    found = find_windows(walks(), HOW, SIZES)
+    request, windows = found.request, forecast_windows(found, {}, shown)
     inputs = request.inputs(shown, request.rows, request.asked.time_s)
     np.testing.assert_array_equal(windows.packed_grid, inputs["occupancy"])
     np.testing.assert_array_equal(windows.angular_grid_m, inputs["angular_grid"])
     assert (windows.grid_cells, windows.grid_resolution_m, windows.max_range_m) == (8, 0.25, 7.5)
-    none, _ = compare(request, {}, MetricSettings())
+    none = forecast_windows(found, {})
     assert none.packed_grid.shape == none.angular_grid_m.shape == (4, 0)
     assert none.grid_cells == 0
 
@@ -131,10 +142,10 @@ def stays():
 def test_windows_are_lost_whose_person_stays_until_their_horizon():
     """Lost: 1.2 s with 2.4 s as its end, 10.8 s with 12 s, and 5.8 s with 7 s up to a microsecond."""
     table = stays()
-    np.testing.assert_array_equal(find_windows(table, SIZES), [2])
-    assert count_without_truth(table, SIZES, "hall") == 3
-    assert count_without_truth(table, replace(SIZES, min_history=1), "hall") == 5  # 10.4 s and 5.4 s too
-    assert count_without_truth(table, replace(SIZES, dt_s=0.41), "hall") == 0
+    rows, lost = window_rows(table, SIZES, "hall")
+    assert (rows.tolist(), lost) == ([2], 3)
+    assert window_rows(table, replace(SIZES, min_history=1), "hall")[1] == 5  # 10.4 s and 5.4 s too
+    assert window_rows(table, replace(SIZES, dt_s=0.41), "hall")[1] == 0
 
 
 @pytest.mark.parametrize(("windows", "lost", "told"), [(99, 1, False), (197, 2, True), (99, 0, False)])
@@ -146,7 +157,7 @@ def test_a_share_above_one_percent_of_lost_windows_is_told(windows, lost, told, 
     known[2 : 2 + lost] = 1
     table = table_of(len(step), 3, time_s=0.4 * step, step=step, future_steps=known)
     with caplog.at_level(logging.WARNING):
-        assert count_without_truth(table, SIZES, "hall") == lost
+        assert window_rows(table, SIZES, "hall")[1] == lost
     assert bool(caplog.records) == told
 
 
@@ -155,14 +166,14 @@ def test_the_usual_interval_is_the_median_within_tracks():
     step, track = [0, 1, 2, 0, 1, 2], [1, 1, 1, 2, 2, 2]
     table = table_of(6, 3, time_s=[0, 1, 1.5, 94.5, 95, 102], track_id=track, step=step)
     with pytest.raises(ValueRuleError) as raised:
-        count_without_truth(table, SIZES, "hall")
+        window_rows(table, SIZES, "hall")
     assert "0.75" in re.findall(r"[\d.]+", str(raised.value))
     alone = table_of(2, 3, time_s=[0.0, 93.0], track_id=[1, 2])
     with pytest.raises(ValueRuleError) as raised:
-        count_without_truth(alone, SIZES, "hall")
+        window_rows(alone, SIZES, "hall")
     assert "93" not in str(raised.value)
     with pytest.raises(ValueRuleError):
-        count_without_truth(table_of(0, 3), SIZES, "hall")
+        window_rows(table_of(0, 3), SIZES, "hall")
 
 
 def some_windows(**given):
@@ -208,6 +219,9 @@ def test_windows_are_read_as_written_in_single_precision(grids, tmp_path):
     given = some_windows(time_s=np.array([1 / 3, 7.0]), velocity=np.array([[0.1, 0.7], [2, 3]]), **none)
     given = replace(given, predictions=methods_of(np.random.default_rng(1)))
     write_windows(given, tmp_path / "hall.parquet")
+    columns = pq.read_schema(tmp_path / "hall.parquet").names
+    several = {f"modes_{name}" for name in given.predictions if name[0] != "1"}
+    assert {name for name in columns if name.startswith("modes_")} == several
     found = read_windows(tmp_path / "hall.parquet")
     for name in (*SEEN, "packed_grid", "angular_grid_m"):
         np.testing.assert_array_equal(getattr(found, name), getattr(given, name), err_msg=name)

@@ -6,13 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pedpred.errors import ShapeError
+from pedpred.errors import ValueRuleError
 from pedpred.features import (
     FeatureTable,
     ForecastProtocol,
     Neighbours,
     Surroundings,
-    extract,
     extract_at_detections,
     extract_blocks,
     neighbours_at,
@@ -24,7 +23,7 @@ from pedpred.features.targets import Futures, future_velocities
 from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import KalmanSettings, follow
 from tests.by_hand.lives import AGE, HEADING, PACE, SEEN, TIME_S, TRACK, TRACKED, scene_of, tracks_of
-from tests.worlds import empty_map
+from tests.worlds import empty_map, extract
 
 
 def turned_back(vector, angle):
@@ -209,7 +208,6 @@ def test_inputs_are_computed_where_the_steps_are():
     blocks = list(extract_blocks(scene_of(), tracks_of(), sizes, reader(read), 7))
     assert [len(block) for block in blocks] == [7, 1]
     assert np.concatenate([block.inputs["there"] for block in blocks]).tolist() == [2, 2, 2, 1, 1, 1, 1, 1]
-    assert not extract(scene_of(), tracks_of(), sizes).inputs
 
 
 # The past and the neighbours
@@ -281,7 +279,7 @@ def test_neighbours_are_extrapolated_to_each_instant():
     np.testing.assert_array_equal(seen.observers.heading_rad, HEADING[[2, 7]])
     np.testing.assert_array_equal(seen.past.seen, SEEN[[2, 7]])
     frame = pedestrians_at(tracks_of(), np.array([1, 5, 7]), np.array([1.4, 5.3, 1.02]))
-    both = Neighbours.together(frame, 2)
+    both = Neighbours.of_crowd(frame, 2)
     assert both.span.tolist() == [[0, 3], [0, 3]]
     np.testing.assert_array_equal(both.velocity, PACE[[1, 5, 7]])
 
@@ -295,5 +293,5 @@ def test_rows_are_joined_and_selected_with_their_inputs():
         np.testing.assert_array_equal(values, whole[[6, 2, 4]])
     assert "inputs" not in picked.columns
     assert (len(picked.columns), len(picked.inputs)) == (12, 3)
-    with pytest.raises(ShapeError):
+    with pytest.raises(ValueRuleError):
         replace(table, inputs={"there": np.zeros(7)})

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pedpred.errors import ShapeError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.geometry import Homography, placed, rotate, rotated_covariance
 
 ANGLES = np.array([np.arctan2(0.8, 0.6), np.arctan2(-5.0, 12.0), 0.75 * np.pi])
@@ -60,10 +60,10 @@ def test_a_camera_divides_by_the_third_coordinate():
 def test_a_camera_is_an_invertible_matrix_of_numbers():
     """The last two have conditions 0.95e-12 and 1.05e-12."""
     for matrix in (np.eye(4), np.diag([1.0, np.inf, 1.0]), np.zeros((3, 3)), np.diag([1.0, 1.0, 0.95e-12])):
-        with pytest.raises((ShapeError, ValueRuleError)):
+        with pytest.raises(ValueRuleError):
             Homography(matrix)
     assert Homography(np.diag([1, 100, 1000])).matrix.dtype == np.float64
     Homography(np.diag([1.0, 1.0, 1.05e-12]))
     for points in (np.array(1.0), np.zeros((2, 3))):
-        with pytest.raises(ShapeError):
+        with pytest.raises(ValueRuleError):
             Homography(np.eye(3)).to_image(points)

@@ -5,18 +5,17 @@ import pytest
 import torch
 
 from pedpred.errors import ValueRuleError
-from pedpred.features import ForecastProtocol
-from pedpred.models.contract import detach, displacements, mean_over, reset, select, velocity_distance
-from pedpred.models.features import RowFormat, parse_features, plain_features
+from pedpred.models.contract import detach, displacements, mean_over, reset, velocity_distance
+from pedpred.models.features import parse_features, plain_features
 from pedpred.models.gaussian import (
     GaussianHead,
-    covariance_of,
     initial_spread,
     negative_log_density,
     spread_of,
 )
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
+from tests.refused import refused
 from tests.toys.architecture import ToySettings
 
 
@@ -27,13 +26,6 @@ def doubles(values):
 def check_close(found, expected):
     assert found.shape == expected.shape
     np.testing.assert_allclose(found.detach(), expected.detach(), rtol=2e-6, atol=1e-7)
-
-
-def test_covariance_is_that_of_the_modified_cholesky_factors():
-    """Sigma = [[a^2, k a^2], [k a^2, k^2 a^2 + c^2]]; Pourahmadi 1999, eq. 2."""
-    found = covariance_of(doubles([[2.0, 3.0, 0.5], [0.5, 0.25, -2.0]]))
-    expected = [[[4.0, 2.0], [2.0, 10.0]], [[0.25, -0.5], [-0.5, 1.0625]]]
-    check_close(found, doubles(expected))
 
 
 def test_density_and_its_gradients():
@@ -60,22 +52,6 @@ def test_density_of_several_steps_pairs_errors_and_spreads():
     )
     level = np.log(2 * np.pi)
     check_close(found, doubles([level, level + np.log(0.1) + 50, level + np.log(0.1) + 50]))
-
-
-def test_raw_numbers_become_a_floor_plus_their_softplus():
-    """a, c = 0.01 + ln(1 + e^x), with the gradient 1 / (1 + e^-x); k stays as it is."""
-    raw = doubles([[1.0, -2.0, -3.0], [60.0, -60.0, 0.25], [0.5, 3.0, 7.0]]).requires_grad_()
-    found = spread_of(raw)
-    expected = [
-        [0.01 + np.log(1 + np.e), 0.01 + np.log(1 + np.exp(-2.0)), -3.0],
-        [60.01, 0.01, 0.25],
-        [0.01 + np.log(1 + np.exp(0.5)), 0.01 + np.log(1 + np.exp(3.0)), 7.0],
-    ]
-    check_close(found, doubles(expected))
-    found.sum().backward()
-    x = raw.detach().numpy()
-    expected = np.stack([1 / (1 + np.exp(-x[:, 0])), 1 / (1 + np.exp(-x[:, 1])), np.ones(3)], axis=-1)
-    np.testing.assert_allclose(raw.grad, expected, rtol=1e-9)
 
 
 def test_huge_raw_numbers_stay_finite():
@@ -157,14 +133,6 @@ def test_detached_state_has_equal_values_and_no_gradient():
     assert not after["h"].requires_grad
 
 
-@pytest.mark.parametrize("rows", [torch.tensor([2, 0]), torch.tensor([True, False, True]), slice(1, 3)])
-def test_rows_of_every_tensor_are_selected(rows):
-    tensors = {"a": torch.tensor([5.0, 6.0, 7.0]), "b": torch.tensor([[1, 2], [3, 4], [5, 6]])}
-    found = select(tensors, rows)
-    assert found["a"].tolist() == np.array([5.0, 6.0, 7.0])[rows].tolist()
-    assert found["b"].tolist() == np.array([[1, 2], [3, 4], [5, 6]])[rows].tolist()
-
-
 def test_a_step_is_a_forward_of_one_step():
     torch.manual_seed(0)
     network = ToySettings(3, ("state", "angular")).build({"state": 2, "grid": 7, "angular": 4}, 5)
@@ -195,16 +163,7 @@ def test_sizes_of_inputs_are_parsed_by_their_kind():
     plain = {"history_steps": 3, "neighbours": 5, "neighbour_range_m": 6.5, "beams": 12, "beam_range_m": 7.5}
     assert plain_features(mixture) == plain
     assert parse_features("mixture", plain) == mixture
-    with pytest.raises(ValueRuleError, match="model"):
+    with refused("model"):
         parse_features("gru", {})
     with pytest.raises(ValueRuleError, match=r"inputs.*beams"):
         parse_features("mixture", {"beams": 6}, "inputs")
-
-
-def test_a_row_format_is_written_and_read():
-    made_with = RowFormat(ForecastProtocol(0.4, 12, min_history=8), "mixture", MixtureFeatures(beams=12))
-    plain = made_with.plain()
-    assert plain["model"] == "mixture"
-    assert (plain["protocol"]["dt_s"], plain["protocol"]["horizon_steps"]) == (0.4, 12)
-    assert plain["features"] == plain_features(made_with.features)
-    assert RowFormat.parse(plain) == made_with

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from pedpred.simulation.kernel import accelerations, accompany, border, interaction_range_m, way
+from pedpred.simulation.kernel import accelerations, accompany, interaction_range_m
+from pedpred.simulation.physics import border, way
 from pedpred.simulation.routing import Routes
 from tests.by_hand.grounds import FORCES, OPEN, ground_of
 

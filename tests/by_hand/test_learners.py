@@ -11,7 +11,6 @@ import torch
 from torch import nn
 
 from pedpred.datasets.lanes import LaneBatch
-from pedpred.datasets.rows import Spans
 from pedpred.models.contract import ForecastNetwork, Loss
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.training import instants
@@ -22,14 +21,9 @@ from pedpred.training.loop import train_step
 from pedpred.training.masking import InputMasking, mask
 from pedpred.training.sequences import SequenceSettings
 from pedpred.training.sets import RealShare
-from tests.exported import LSTM_ROWS, MIXTURE_ROWS, rows_of, train_on
+from tests.by_hand.rows import DT_S, FIT, SEQUENCES, STEPS, data_of
+from tests.exported import MIXTURE_ROWS, train_on
 
-DT_S = 0.4
-STEPS = 3
-EDGES = np.array([0, 6, 9, 16, 20])
-SEQUENCES = np.stack([EDGES[:-1], EDGES[1:]], axis=-1)
-FIT = {"steps": 5, "validate_every": 1, "lr": 0.25, "warmup_steps": 2, "seed": 11}
-FIT |= {"clip_norm": 1e6, "weight_decay": 0.125}
 LANES = {"lanes": 2, "sub_sequence": 3, "longest_track": 100, "validation_by": "track"}
 HOW = SequenceSettings(**FIT, **LANES, validation_share=0.3)
 INSTANTS = InstantSettings(**FIT, rows=12, shares={"a": 6.0, "b": 2.0}, validation_share=0.3)
@@ -78,19 +72,6 @@ class Leaky(ForecastNetwork):
 
     def clipped_groups(self):
         return [[self.keep], [self.gain]] if self.remembers else super().clipped_groups()
-
-
-def data_of(made_with=LSTM_ROWS, sets=("a",), part=(0, 0, 0, 0), **channels):
-    """Four tracks, or worlds, of 6, 3, 7 and 4 rows, of which not all targets are known."""
-    rng = np.random.default_rng(0)
-    state = torch.from_numpy(rng.normal(size=(20, 2)).astype(np.float32))
-    future = torch.from_numpy(rng.normal(size=(20, STEPS, 2)).astype(np.float32))
-    known = torch.tensor([3, 3, 2, 3, 1, 0, 3, 0, 2, 3, 3, 3, 1, 3, 3, 3, 2, 3, 3, 0])
-    spans = Spans(SEQUENCES, np.array(part), np.arange(4), np.arange(4))
-    protocol = replace(made_with.protocol, dt_s=DT_S, horizon_steps=STEPS)
-    made_with = replace(made_with, protocol=protocol)
-    data = rows_of(state, future, 4, made_with, spans=spans, future_steps=known, **channels)
-    return replace(data, sets=sets)
 
 
 def sequence_learner(context=ALONE, **changes):

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from pedpred.errors import ValueRuleError
 from pedpred.models.mixture.encoders import BeamEncoder, NeighbourEncoder, motion_known, own_motion, own_signs
-from pedpred.models.mixture.mirror import MirroredLinear, mirrored_beams
+from pedpred.models.mixture.mirror import mirrored_beams
 from pedpred.models.mixture.network import MixtureSettings
 
 HISTORY = [0.0, 0.0, 1.0, -0.1, 0.05, 1.0, -0.25, 0.2, 1.0, -0.3, 0.6, 1.0, 0.3, 0.1, 0.0]
@@ -39,18 +38,6 @@ def linear(layer, values, weight="weight"):
 
 def relu(values):
     return np.maximum(values, 0.0)
-
-
-def test_a_mirrored_layer_reads_both_sides():
-    """W x + b, then W (s x) + b, row by row; the signs s are (1, -1, 1)."""
-    layer, facts = MirroredLinear([1.0, -1.0, 1.0], 2, 2), torch.tensor([[1.0, 2.0, 3.0], [0.0, -1.0, 0.5]])
-    with torch.no_grad():
-        layer.weight.copy_(torch.tensor([[1.0, 2.0, -1.0], [0.5, -3.0, 2.0]]))
-        layer.bias.copy_(torch.tensor([0.25, -1.0]))
-    expected = [[2.25, -0.5], [-5.75, 11.5], [-2.25, 3.0], [1.75, -3.0]]
-    check_close(layer(facts), torch.tensor(expected))
-    layer.sides = 1
-    check_close(layer(facts), torch.tensor(expected[::2]))
 
 
 def test_mirrored_beams_turn_the_other_way():
@@ -311,9 +298,3 @@ def test_frozen_encoders_are_not_trained(frozen):
     network = MixtureSettings(modes=2, units=4, frozen=frozen).build(WIDTHS, STEPS)
     for name, weight in network.named_parameters():
         assert weight.requires_grad == (name.split(".")[0] not in frozen)
-
-
-@pytest.mark.parametrize("name", ["modes", "units", "likelihood", "closest", "sharpness", "balance_m"])
-def test_settings_out_of_range_are_named(name):
-    with pytest.raises(ValueRuleError, match=name):
-        MixtureSettings(**{name: -2})

@@ -8,7 +8,7 @@ import pytest
 
 from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol, Pedestrians
-from pedpred.features.perception import Following, Perception, parse_tracker, perceived, sensed
+from pedpred.features.perception import Perception, parse_tracker, perceived, sensed
 from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.tracking import KalmanSettings, follow, resampled
@@ -63,32 +63,6 @@ def test_a_tracker_is_a_filter_or_the_truth():
     for plain in wrong:
         with pytest.raises(ValueRuleError):
             parse_tracker(plain)
-
-
-@pytest.mark.parametrize("name", ["dt_s", "max_age_intervals", "lost_after_s", "truth_gap_s"])
-def test_times_of_a_protocol_are_positive_and_at_most_10000(name):
-    for value in (0.0, -0.3, 10000.5):
-        with pytest.raises(ValueRuleError):
-            ForecastProtocol(**{name: value})
-    assert getattr(ForecastProtocol(**{name: 10000.0}), name) == 10000.0
-
-
-@pytest.mark.parametrize("name", ["horizon_steps", "min_history"])
-def test_counts_of_a_protocol_are_1_to_10000(name):
-    for value in (0, 10001):
-        with pytest.raises(ValueRuleError):
-            ForecastProtocol(**{name: value})
-    assert [getattr(ForecastProtocol(**{name: value}), name) for value in (1, 10000)] == [1, 10000]
-
-
-def test_speeds_of_standstill_are_0_to_100():
-    for value in (-0.1, 100.5):
-        with pytest.raises(ValueRuleError):
-            Following(standstill_mps=value, learn_noise=True)
-    assert [Following(standstill_mps=v, learn_noise=True).standstill_mps for v in (0.0, 100.0)] == [
-        0.0,
-        100.0,
-    ]
 
 
 def test_states_of_people_are_in_double_precision():

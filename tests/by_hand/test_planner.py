@@ -216,13 +216,6 @@ EAST = (6.0, -1.0, 0.0)
 """The way left is 6 - x."""
 
 
-def test_the_quickest_manoeuvre_is_chosen():
-    assert first_command(STILL, way=course(to_go=EAST)) == [1.1, 0.0]
-    turn = first_command(STILL, way=course(to_go=(6.0, 0.0, -1.0)))
-    assert turn[1] == pytest.approx(1.7)
-    assert first_command(STILL, way=course(to_go=(6.0, 0.0, 1.0)))[1] == pytest.approx(-1.7)
-
-
 def test_each_other_term_alone_changes_the_choice():
     """Straight on is quickest; walls, people or the change of the command may cost more than that."""
     way = course(to_go=EAST)
@@ -268,13 +261,6 @@ def test_a_manoeuvre_ends_with_the_time_to_brake_and_a_step(dt_s, horizon_s, fir
     assert turns.tolist() == [first - 1] * (first < hold)
 
 
-def test_whole_steps_of_braking_are_not_rounded_up():
-    """0.6 s / 0.1 s is a little more than 6 in floating point; 30 - 6 - 1."""
-    planner = Watched(Robot(speed_mps=1.2, braking_mps2=2.0), course(), PlannerSettings())
-    planner.command(placed(AHEAD), forecast_of(), 0.0)
-    assert np.flatnonzero(planner.seen[0].any(axis=(0, 2)))[-1] == 22
-
-
 @pytest.mark.parametrize(("speed_mps", "fits"), [(1.28, True), (1.29, False)])
 def test_a_robot_needs_a_step_at_full_speed(speed_mps, fits):
     """1.6 m/s^2 in 8 of 10 steps of 0.1 s: at most 1.28 m/s."""
@@ -299,17 +285,6 @@ def test_the_planner_asks_for_its_steps_its_limit_and_the_noise():
     for found, own in zip(people, expected(forecast, Steps(0.2, 11), 0.4), strict=True):
         np.testing.assert_array_equal(found, own)
     assert people.covariance[0, 0, 0, 0] == pytest.approx(0.16 / 3 + 0.2 / 3)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [{"risk": 1.0}, {"risk": -0.1}, {"dt_s": 0.04}, {"dt_s": 0.6}, {"horizon_s": 0.9}, {"horizon_s": 11.0}]
-    + [{name: value} for name in ("first_s", "margin_m", "near_m", "wall_weight") for value in (-0.1, 101.0)],
-)
-def test_settings_beyond_their_range_are_refused(wrong):
-    assert PlannerSettings(risk=0.0, dt_s=0.5, horizon_s=10.0, margin_m=100.0, near_m=0.0).risk == 0.0
-    with pytest.raises(ValueRuleError):
-        PlannerSettings(**wrong)
 
 
 def test_a_holonomic_robot_is_offered_the_way_of_its_course():

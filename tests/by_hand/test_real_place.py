@@ -12,9 +12,8 @@ from scipy.interpolate import CubicSpline
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.command import main
-from pedpred.evaluation import EvaluationSettings, summarise_methods
-from pedpred.evaluation.compare import compare
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation import EvaluationSettings, measure, summarise_methods
+from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.tracking import KalmanSettings
@@ -83,8 +82,8 @@ def test_the_script_finds_what_it_found(script):
 def test_the_pipeline_finds_what_the_script_does(script):
     """Each error of each window, not only their means."""
     how, settings = Perception(KalmanSettings(Q, R, SPEED), 0.2), EvaluationSettings(bootstrap=10)
-    request = ask_about_windows(recorded(EXCERPT), how, ForecastProtocol(), memory=False)
-    _, scores = compare(request, {key: PRESENT_MOTION[key]() for key in script[0]}, settings)
+    windows = find_windows(recorded(EXCERPT), how, ForecastProtocol(), memory=False)
+    scores = measure(windows, {key: PRESENT_MOTION[key]() for key in script[0]}, settings)
     for method, own in script[0].items():
         assert scores[method].track.tolist() == script[1].tolist()
         np.testing.assert_allclose(scores[method].error_m, own, atol=2e-6)

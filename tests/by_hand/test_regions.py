@@ -8,6 +8,7 @@ import pytest
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting.regions import Regions
 from pedpred.scenes import Predictions
+from tests.learners import at_instant, place_of
 
 STEPS, DT_S = 3, 0.4
 TIMES_S = np.array([0.0, 0.3, 0.7, 1.0, 1.4, 1.8, 2.2, 2.6, 3.0, 4.5, 4.8, 5.2])
@@ -39,13 +40,14 @@ def single(away_m, deviation_m=0.2):
 
 
 def stepped(regions, away_m, times_s=TIMES_S, seen=None):
-    """After each instant: regions and the forecasts, of errors [T, N, P]."""
+    """After each instant: the place and the forecasts, of errors [T, N, P]."""
+    place = place_of(regions)
     people = away_m.shape[1]
     for k, now_s in enumerate(times_s[: len(away_m)]):
         there = np.ones(people, bool) if seen is None else seen[k]
-        known = float(now_s), 30 + np.arange(people), PLACE[:people], there
-        regions, after = regions.after(*known, single(away_m[k]))
-        yield regions, after
+        known = now_s, 30 + np.arange(people), PLACE[:people], there
+        place, after = at_instant(place, *known, single(away_m[k]))
+        yield place, after
 
 
 def due_at(times_s, at, step):
@@ -60,7 +62,7 @@ def due_at(times_s, at, step):
 )
 def test_four_steps_of_the_horizon_are_compared(steps, compared):
     """1, P^(1/3), P^(2/3), P, rounded; each once."""
-    regions = Regions.unlearned(steps)
+    regions = Regions.initial(steps)
     np.testing.assert_array_equal(regions.steps, compared)
     np.testing.assert_array_equal(regions.learned, np.zeros((2, 2, len(compared))))
 
@@ -76,7 +78,8 @@ def test_a_and_b_after_each_instant(group, error_m):
     """
     away_m = np.random.default_rng(6).uniform(0.1, 0.6, (len(TIMES_S), 1, 1)) + error_m
     learned, kept, taught, looks = np.zeros((2, STEPS)), [], {}, []
-    for k, (regions, after) in enumerate(stepped(Regions.unlearned(STEPS), away_m)):
+    for k, (place, after) in enumerate(stepped(Regions.initial(STEPS), away_m)):
+        regions = place.regions
         due = [one for one in kept if due_at(TIMES_S, *one[:2]) == k]
         kept, by = [one for one in kept if one not in due], np.zeros((2, STEPS))
         for at, p, a_then in due:
@@ -88,7 +91,7 @@ def test_a_and_b_after_each_instant(group, error_m):
             by -= taught.pop(at)
         learned = learned + by
         kept += [(k, p, learned[0, p]) for p in range(STEPS)] if k >= 3 else []
-        looks.append((len(due), len(regions.waiting)))
+        looks.append((len(due), len(regions.pending)))
         np.testing.assert_allclose(regions.learned[:, group], learned, atol=1e-12)
         np.testing.assert_array_equal(regions.learned[:, 1 - group], 0.0)
         np.testing.assert_allclose(after.covariance[0, 0, :, 0, 0], 0.04 * np.exp(2 * learned[0]))
@@ -99,21 +102,21 @@ def test_a_and_b_after_each_instant(group, error_m):
 def test_two_instants_within_0_3_s_are_one_look():
     """At 10 Hz, forecasts are kept every 0.3 s; the first at 0.3 s, of people with four detections."""
     away_m = np.full((14, 1, STEPS), 0.1)
-    instants = list(stepped(Regions.unlearned(STEPS), away_m, np.arange(14) * 0.1))
-    assert [regions.made for regions, _ in instants] == [0] * 3 + [1] * 3 + [2] * 3 + [3] * 3 + [4] * 2
+    instants = list(stepped(Regions.initial(STEPS), away_m, np.arange(14) * 0.1))
+    assert [place.regions.made for place, _ in instants] == [0] * 3 + [1] * 3 + [2] * 3 + [3] * 3 + [4] * 2
     gain = 0.3 * 0.075 * steps_of(0)
-    np.testing.assert_allclose(instants[11][0].learned[:, STAND, 0], gain)
-    np.testing.assert_array_equal(instants[8][0].learned, 0.0)
-    known = [len(regions.detections.time_s) for regions, _ in instants]
+    np.testing.assert_allclose(instants[11][0].regions.learned[:, STAND, 0], gain)
+    np.testing.assert_array_equal(instants[8][0].regions.learned, 0.0)
+    known = [len(place.detections.time_s) for place, _ in instants]
     assert known == list(range(1, 15))
 
 
 def test_detections_of_the_last_4_s_are_known():
     """Of the four detections at the look at 4.6 s, two are kept; too few at the next ones."""
     times_s = np.array([0.0, 0.3, 0.7, 4.6, 4.9, 5.3])
-    instants = list(stepped(Regions.unlearned(STEPS), np.full((6, 1, STEPS), 0.1), times_s))
-    assert [len(regions.detections.time_s) for regions, _ in instants] == [1, 2, 3, 2, 2, 3]
-    assert [regions.made for regions, _ in instants] == [0, 0, 0, 1, 1, 1]
+    instants = list(stepped(Regions.initial(STEPS), np.full((6, 1, STEPS), 0.1), times_s))
+    assert [len(place.detections.time_s) for place, _ in instants] == [1, 2, 3, 2, 2, 3]
+    assert [place.regions.made for place, _ in instants] == [0, 0, 0, 1, 1, 1]
 
 
 @pytest.mark.parametrize(("last", "lasting"), [(5, 0), (6, 1), (7, 2)])
@@ -126,15 +129,15 @@ def test_what_people_taught_is_taken_back_if_they_are_lost(last, lasting):
     times_s = np.array([0.0, 0.3, 0.7, 1.0, 1.4, 1.8, 2.2, 2.6, 3.0, 3.3, 3.7, 4.1, 4.4])
     away_m, seen = np.zeros((13, 2, STEPS)), np.ones((13, 2), bool)
     away_m[:, 1], seen[last + 1 :, 1] = 50.0, False
-    instants = list(stepped(Regions.unlearned(STEPS), away_m, times_s, seen))
+    instants = list(stepped(Regions.initial(STEPS), away_m, times_s, seen))
     expected = np.zeros((2, STEPS))
     for at in range(3, 13):
         for p in range(STEPS):
             if look := due_at(times_s, at, p):
                 gain = 0.075 * (times_s[look] - times_s[look - 1])
                 expected[:, p] += gain * (steps_of(0) + (at < 3 + lasting) * steps_of(3))
-    np.testing.assert_allclose(instants[-1][0].learned[:, STAND], expected, atol=1e-12)
-    assert instants[8][0].learned[0, STAND, 0] > expected[0, 0]
+    np.testing.assert_allclose(instants[-1][0].regions.learned[:, STAND], expected, atol=1e-12)
+    assert instants[8][0].regions.learned[0, STAND, 0] > expected[0, 0]
 
 
 def test_what_is_taught_after_a_gap_is_taken_back():
@@ -142,24 +145,35 @@ def test_what_is_taught_after_a_gap_is_taken_back():
 
     Both steps, 1.2 and 1.6 s after 0.9 s, are due at one look, that at 2.7 s; the first person is then lost.
     """
-    regions, point = Regions.unlearned(4), np.repeat(PLACE[:, None], 4, axis=1)
+    place, point = place_of(Regions.initial(4)), np.repeat(PLACE[:, None], 4, axis=1)
     forecasts = Predictions.single(point, DT_S, np.broadcast_to(np.eye(2), (2, 4, 2, 2)))
     times_s = 0.0, 0.3, 0.6, 0.9, 1.3, 1.7, 2.1, 2.2, 2.7
     for now_s, seen in zip(times_s, ("AB", "AB", "AB", "AB", "A", "A", "A", "B", "B"), strict=True):
         known = np.array([30, 31]), PLACE, np.array(["A" in seen, "B" in seen])
-        before, (regions, _) = regions, regions.after(now_s, *known, forecasts)
-    np.testing.assert_allclose(regions.learned, 0.0, atol=1e-12)
-    assert (before.learned[0, STAND, :2] < -0.01).all()
+        before, (place, _) = place, at_instant(place, now_s, *known, forecasts)
+    np.testing.assert_allclose(place.regions.learned, 0.0, atol=1e-12)
+    assert (before.regions.learned[0, STAND, :2] < -0.01).all()
+
+
+def test_later_steps_do_not_count_once_a_person_was_lost():
+    """Not detected from 0.9 to 2.0 s: of the forecast from 0.9 s, the third step, 2.1 s, is known again."""
+    times_s = np.array([0.0, 0.3, 0.6, 0.9, 1.3, 1.6, 2.0, 2.3])
+    seen = np.array([1, 1, 1, 1, 0, 0, 1, 1], bool)[:, None]
+    instants = list(stepped(Regions.initial(STEPS), np.full((8, 1, STEPS), 0.5), times_s, seen))
+    for place, _ in instants:
+        np.testing.assert_array_equal(place.regions.learned, 0.0)
+    waiting = [[len(one.forecast) for one in place.regions.pending] for place, _ in instants]
+    assert waiting == [[]] * 3 + [[1, 1, 1], [1, 1, 1], [0, 0], [0, 1, 1, 1], [1] * 6]
 
 
 def test_each_forecast_has_a_number_of_its_own():
     """Of one person, then of two."""
     seen = np.ones((12, 2), bool)
     seen[:3, 1] = False
-    *_, (regions, _) = stepped(Regions.unlearned(STEPS), np.zeros((9, 2, STEPS)), seen=seen)
-    numbers = np.concatenate([past.forecast for past in regions.waiting if past.step == 2])
+    *_, (place, _) = stepped(Regions.initial(STEPS), np.zeros((9, 2, STEPS)), seen=seen)
+    numbers = np.concatenate([one.forecast for one in place.regions.pending if one.step == 2])
     assert len(set(numbers.tolist())) == len(numbers) == 7
-    assert regions.made == 9
+    assert place.regions.made == 9
 
 
 @pytest.mark.parametrize(("away_m", "a", "b"), [(9.0, 1.0, 2.0), (0.0, -3.0, None), (0.3, None, -0.3)])
@@ -173,16 +187,16 @@ def test_a_and_b_have_limits(away_m, a, b, on_lines):
     b = -0.45 if b == -0.3 and on_lines else b
     learned = np.zeros((2, 2, STEPS))
     learned[0], learned[1] = 0.998 * (a or 0.0), 0.998 * (b or 0.0)
-    regions = replace(Regions.unlearned(STEPS, on_lines=on_lines), learned=learned)
-    *_, (regions, _) = stepped(regions, np.full((8, 1, STEPS), away_m))
-    for found, limit in zip(regions.learned[:, STAND], (a, b), strict=True):
+    regions = replace(Regions.initial(STEPS, on_lines=on_lines), learned=learned)
+    *_, (place, _) = stepped(regions, np.full((8, 1, STEPS), away_m))
+    for found, limit in zip(place.regions.learned[:, STAND], (a, b), strict=True):
         assert limit is None or found.tolist() == [limit] * STEPS
-    np.testing.assert_array_equal(regions.learned[:, WALK], learned[:, WALK])
+    np.testing.assert_array_equal(place.regions.learned[:, WALK], learned[:, WALK])
 
 
 def learned_of(steps):
     """a and b of both groups at the compared steps."""
-    regions = Regions.unlearned(steps)
+    regions = Regions.initial(steps)
     values = np.arange(1.0, 4.0 * len(regions.steps) + 1).reshape(2, 2, -1) / 20
     return replace(regions, learned=values * np.array([1.0, -0.3])[:, None, None])
 
@@ -202,14 +216,14 @@ def test_between_compared_steps_a_and_b_are_interpolated():
         factor = np.exp(2 * (np.array(a) + np.array(b) * (2 * t[:, None] - 1)))
         np.testing.assert_allclose(after.covariance[row], factor[..., None, None] * sigma[row])
     np.testing.assert_array_equal(after.path, given.path)
-    assert Regions.unlearned(10).scaled(given) is given
+    assert Regions.initial(10).scaled(given) is given
 
 
 def test_no_deviation_shrinks_below_a_quarter_of_the_noise():
     """0.2 m shrinks by exp(-2) to 0.027 m, with a noise of 0.2 m to 0.05 m."""
     for noise_m, expected_m in ((0.0, 0.2 * np.exp(-2)), (0.2, 0.05), (0.08, 0.2 * np.exp(-2))):
         regions = replace(
-            Regions.unlearned(STEPS, noise_m), learned=np.full((2, 2, STEPS), [[[-2.0]], [[0.0]]])
+            Regions.initial(STEPS, noise_m), learned=np.full((2, 2, STEPS), [[[-2.0]], [[0.0]]])
         )
         found = regions.scaled(single(np.zeros((1, STEPS)))).covariance
         np.testing.assert_allclose(found[0, 0], np.tile(expected_m**2 * np.eye(2), (STEPS, 1, 1)))
@@ -218,17 +232,18 @@ def test_no_deviation_shrinks_below_a_quarter_of_the_noise():
 def test_declared_noise_is_no_error_of_the_forecast():
     """0.3 m from a forecast of 0.2 m is outside of the half, and with a noise of 0.2 m inside."""
     for noise_m, missed in ((0.0, 1), (0.2, 0)):
-        *_, (regions, _) = stepped(Regions.unlearned(STEPS, noise_m), np.full((6, 1, STEPS), 0.3))
-        np.testing.assert_allclose(regions.learned[:, STAND, 0], 0.4 * 0.075 * steps_of(missed))
+        *_, (place, _) = stepped(Regions.initial(STEPS, noise_m), np.full((6, 1, STEPS), 0.3))
+        np.testing.assert_allclose(place.regions.learned[:, STAND, 0], 0.4 * 0.075 * steps_of(missed))
 
 
 def test_what_was_learned_is_kept_without_people():
-    *_, (regions, _) = stepped(Regions.unlearned(STEPS, 0.1, on_lines=True), np.full((9, 1, STEPS), 0.5))
-    assert len(regions.taught.step)
-    alone = regions.without_people()
-    assert (len(alone.taught.step), len(alone.detections.time_s), alone.waiting) == (0, 0, ())
-    assert (alone.looked_s, alone.noise_m, alone.on_lines) == (-np.inf, 0.1, True)
-    again = Regions.unlearned(STEPS).relearned(alone.plain())
+    *_, (place, _) = stepped(Regions.initial(STEPS, 0.1, on_lines=True), np.full((9, 1, STEPS), 0.5))
+    regions, left = place.regions, place.without_people()
+    assert len(regions.adjustment.step)
+    alone = left.regions
+    assert (len(alone.adjustment.step), len(left.detections.time_s), alone.pending) == (0, 0, ())
+    assert (left.looked_s, alone.noise_m, alone.on_lines) == (-np.inf, 0.1, True)
+    again = Regions.initial(STEPS).restored(alone.plain())
     np.testing.assert_array_equal(again.learned, regions.learned)
     np.testing.assert_array_equal(regions.plain()["learned"], regions.learned)
 
@@ -242,10 +257,10 @@ def test_learned_values_of_others_keep_to_the_wider_limits(a, b, right):
     """Of a robot that moves modes to lines b may be -0.45; one that does not starts at -0.3."""
     plain = {"learned": np.broadcast_to(np.array([a, b])[:, None, None], (2, 2, STEPS)).tolist()}
     for on_lines in (False, True):
-        unlearned = Regions.unlearned(STEPS, on_lines=on_lines)
+        initial = Regions.initial(STEPS, on_lines=on_lines)
         if right:
             expected = [a, b if on_lines else max(b, -0.3)]
-            np.testing.assert_array_equal(unlearned.relearned(plain).learned[:, WALK, 1], expected)
+            np.testing.assert_array_equal(initial.restored(plain).learned[:, WALK, 1], expected)
         else:
             with pytest.raises(ValueRuleError):
-                unlearned.relearned(plain)
+                initial.restored(plain)

@@ -44,13 +44,6 @@ def test_one_overlap_in_plain_numbers():
     assert overlap(0.0, -0.5, 0.09, 0.0, 0.16, R_M) == pytest.approx(0.59573 * 0.88378, abs=2e-5)
 
 
-@pytest.mark.parametrize(("mu", "p"), [((0.3, 0.4), 1.0), ((2.0, 0.0), 0.0)])
-def test_people_on_a_line_have_no_width_across(mu, p):
-    """The covariance is singular, 1 cm along (0.28, 0.96)."""
-    xx, xy, yy = 1e-4 * 0.28**2, 1e-4 * 0.28 * 0.96, 1e-4 * 0.96**2
-    assert overlap(*mu, xx, xy, yy, R_M) == pytest.approx(p, abs=1e-9)
-
-
 def test_discs_touch_at_the_sum_of_their_radii():
     """People have a radius of 0.3 m."""
     assert contact_m(0.25) == pytest.approx(0.55)

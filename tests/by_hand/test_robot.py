@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from pedpred.driving.robot import Robot, advance
-from pedpred.errors import ValueRuleError
-from tests.by_hand.robots import HOLONOMIC, LIMITS, ROBOT
+from pedpred.driving.robot import advance
+from tests.by_hand.robots import HOLONOMIC, ROBOT
 
 
 @pytest.mark.parametrize("dt_s", [0.1, 0.4])
@@ -68,11 +67,3 @@ def test_holonomic_manoeuvres_have_16_directions():
     offered = HOLONOMIC.manoeuvres(0.7, 9, 2, 5)
     assert {tuple(tuple(one) for one in np.round(c[[1, 2]], 6)) for c in offered} == wanted
     assert not offered[:, 5:].any()
-
-
-@pytest.mark.parametrize("name", list(LIMITS))
-def test_limits_beyond_their_range_are_refused(name):
-    assert Robot(**{**LIMITS, name: 0.05}) != Robot(**{**LIMITS, name: 10.0})
-    for wrong in (0.049, 10.1):
-        with pytest.raises(ValueRuleError):
-            Robot(**{**LIMITS, name: wrong})

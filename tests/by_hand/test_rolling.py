@@ -7,10 +7,11 @@ import pytest
 import torch
 
 from pedpred.datasets.rows import Spans
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
-from pedpred.forecasting.chain import Chain, forecast_blocks
+from pedpred.forecasting.blocks import forecast_blocks
+from pedpred.forecasting.postprocessing import Postprocessing
 from pedpred.models.forecaster import NetworkForecaster
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.features import LstmFeatures
@@ -152,7 +153,7 @@ def asked_along(dt_s, every_s, starts_s=(0.0, 0.55), detections=(11, 8)):
     order = np.lexsort((time_s, track))
     scene = Scene("walk", Trajectories(time_s[order], track[order], place[order]), ground, every_s)
     sizes = ForecastProtocol(dt_s=dt_s, horizon_steps=STEPS)
-    request = ask_about_windows(scene, Perception(TRACKER, 0.2), sizes)
+    request = find_windows(scene, Perception(TRACKER, 0.2), sizes).request
     return dataclasses.replace(request, rows=np.random.default_rng(3).permutation(len(request.table)))
 
 
@@ -215,8 +216,8 @@ NO_LINK = (False, False, False)
         (0.4, (False, False, True)),
     ],
 )
-def test_networks_without_memory_forecast_through_the_chain(dt_s, choice):
-    """Own inputs, agent frame, then `forecast_blocks` with the same links; people in the order asked for."""
+def test_networks_without_memory_forecast_through_blocks(dt_s, choice):
+    """Own inputs, agent frame, then `forecast_blocks` likewise; people in the order asked for."""
     torch.manual_seed(0)
     network = Glance(ToySettings(4, ("state", "angular")), {"state": 2, "angular": 72}, STEPS)
     request = asked_along(dt_s, dt_s, (0.0, 0.0, 50.0 * dt_s), (40, 40, 20))
@@ -234,9 +235,9 @@ def test_networks_without_memory_forecast_through_the_chain(dt_s, choice):
     chosen, alone = (
         NetworkForecaster(network, LstmFeatures(4), None, *links)(request) for links in (choice, NO_LINK)
     )
-    chain = Chain(**dict(zip(("together", "learning", "trust"), choice, strict=True)), noise_m=0.15)
+    steps = Postprocessing(**dict(zip(("joint", "learning", "trust"), choice, strict=True)), noise_m=0.15)
     differs = False
-    for which, part in forecast_blocks(request, LstmFeatures(4), infer, chain):
+    for which, part in forecast_blocks(request, LstmFeatures(4), infer, steps):
         for name, values in part.arrays().items():
             np.testing.assert_allclose(getattr(chosen, name)[which], values, atol=1e-4, err_msg=name)
             differs |= np.abs(getattr(alone, name)[which] - values).max() > 0.01

@@ -1,7 +1,5 @@
 """People who choose modes together: who meets whom, how strongly, and the choice, from the equations."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -64,13 +62,6 @@ def test_who_is_too_far_away_does_not_hide_those_after():
     path = np.concatenate([MEET, MEET, MEET])
     found = listed(path, [[0.0, 0.0], [9.0, 0.0], [4.5, 0.0]])
     assert sorted({(one, other) for one, _, other, _ in found}) == [(0, 2), (1, 2)]
-
-
-def test_who_meets_nobody_has_no_conflicts():
-    """The third person is 4 m away from two others who meet."""
-    path = np.concatenate([MEET, MEET, MEET + 4.0])
-    found = listed(path, [[3.0, 1.0], [3.0, 1.0], [3.0, 5.0]])
-    assert {(one, other) for one, _, other, _ in found} == {(0, 1)}
 
 
 def test_all_conflicts_are_found_where_there_are_many():
@@ -216,21 +207,6 @@ def test_the_chosen_mode_comes_first_and_shares_weight(weight, best, order, afte
     found = chosen_alone(alone, weight)
     assert found[0] == order
     np.testing.assert_allclose(found[1], after)
-
-
-def test_covariances_come_with_their_modes():
-    """Two people meet; the one who is less certain takes the second mode, whose covariance comes with it."""
-    path = np.array([[[[1.0, 0.0]], [[1.0, 2.0]]], [[[1.0, 0.1]], [[1.0, -3.0]]]])
-    covariance = np.arange(1.0, 5.0).reshape(2, 2)[:, :, None, None, None] * np.eye(2)
-    before = Predictions(path.mean(axis=1), path, np.array([[0.9, 0.1], [0.55, 0.45]]), 0.3, covariance)
-    after = choose_modes(before, np.array([[0.0, 0.0], [2.0, 0.0]]))
-    np.testing.assert_array_equal(after.path, [path[0], path[1, ::-1]])
-    np.testing.assert_array_equal(after.covariance[:, :, 0, 0, 0], [[1.0, 2.0], [4.0, 3.0]])
-    np.testing.assert_array_equal(after.point, before.point)
-    np.testing.assert_allclose(after.weight, [[0.9, 0.1], [0.5, 0.5]])
-    bare = choose_modes(replace(before, covariance=None), np.array([[0.0, 0.0], [2.0, 0.0]]))
-    assert bare.covariance is None
-    np.testing.assert_array_equal(bare.path, after.path)
 
 
 def test_nobody_and_one_mode_stay_as_they_are():

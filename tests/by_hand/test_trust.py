@@ -7,9 +7,9 @@ import pytest
 
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting.detections import Detections
-from pedpred.forecasting.shares import Sums, best_weights
-from pedpred.forecasting.trust import Trust
+from pedpred.forecasting.trust import Sums, Trust, best_weights
 from pedpred.scenes import Predictions
+from tests.learners import at_instant, place_of
 
 STEPS, DT_S = 4, 0.4
 AHEAD_S = DT_S * np.arange(1, STEPS + 1)
@@ -61,7 +61,7 @@ def place_with(shares, compared=100.0):
 
 def trusting(shares=SHARES):
     """Trust at a place that has taught such shares, with nobody there."""
-    return replace(Trust.unlearned(STEPS), place=place_with(shares))
+    return replace(Trust.initial(STEPS), place=place_with(shares))
 
 
 def forecasts_of(here, speed_mps):
@@ -87,12 +87,13 @@ PEOPLE, SPEED_MPS = np.array([9, 4, 6]), [1.0, 0.8, 0.1]
 
 def stepped(trust, time_s=TIMES_S, position=None, seen=None):
     """After each instant: trust, the network's forecasts, and those afterwards."""
-    position = walked(3, time_s) if position is None else position
+    position, place = walked(3, time_s) if position is None else position, place_of(trust)
     for k, now_s in enumerate(time_s):
         there = np.ones(len(position), bool) if seen is None else seen[:, k]
         forecasts = forecasts_of(position[:, k], SPEED_MPS[: len(position)])
-        trust, after = trust.after(float(now_s), PEOPLE[: len(position)], position[:, k], there, forecasts)
-        yield trust, forecasts, after
+        known = now_s, PEOPLE[: len(position)], position[:, k], there
+        place, after = at_instant(place, *known, forecasts)
+        yield place, forecasts, after
 
 
 def apart_from(forecasts, position, upto):
@@ -149,23 +150,33 @@ def test_a_line_that_misses_the_last_detection_counts_less(side_m, counts):
     np.testing.assert_allclose(moved, 0.5 * counts * (line_y - forecasts.point[0, :, 1]), atol=1e-9)
 
 
+def test_modes_do_not_go_to_a_line_that_is_unknown():
+    """One detection within 0.6 s: of half a share of each line, that of the long one counts alone."""
+    time_s, shares = np.array([0.0, 0.7, 1.4]), np.full((2, STEPS, 2), 0.5)
+    position = np.array([[[3.0, 4.0], [3.7, 4.2], [4.4, 4.4]]])
+    *_, (_, forecasts, after) = stepped(trusting(shares), time_s, position)
+    line = position[0, -1] + AHEAD_S[:, None] * [1.0, 0.2 / 0.7]
+    np.testing.assert_allclose(after.point[0], 0.5 * forecasts.point[0] + 0.5 * line)
+    np.testing.assert_allclose(after.path[0], 0.5 * forecasts.path[0] + 0.5 * line)
+
+
 def test_people_are_followed_for_1_2_s_before_lines_are_used():
     for first_s, last_s, used in ((0.0, 1.19, False), (0.0, 1.2, True), (1.1, 2.3, True)):
         time_s = np.array([first_s, first_s + 0.3, first_s + 0.8, last_s])
-        *_, (trust, forecasts, after) = stepped(trusting(), time_s)
+        *_, (place, forecasts, after) = stepped(trusting(), time_s)
         assert (after is not forecasts) == used
-        assert trust.person.tolist() == (sorted(PEOPLE) if used else [])
+        assert place.trust.person.tolist() == (sorted(PEOPLE) if used else [])
 
 
 def test_the_shares_of_a_person_stay_between_looks():
     """Instants 0.1 s apart: forecasts are kept each 0.3 s, and moved at all of them."""
     time_s = np.arange(0.0, 4.05, 0.1)
     instants = list(stepped(trusting(), time_s))
-    waiting = [len(trust.waiting) for trust, *_ in instants]
+    waiting = [len(place.trust.past) for place, *_ in instants]
     np.testing.assert_array_equal(waiting[:24], 0)
     assert waiting[24:] == [1 + k // 3 for k in range(17)]
     assert [after is forecasts for _, forecasts, after in instants] == [True] * 12 + [False] * 29
-    assert {trust.looked_s for trust, *_ in instants[24:27]} == {time_s[24]}
+    assert {place.looked_s for place, *_ in instants[24:27]} == {time_s[24]}
 
 
 def sums_of(position, person, times):
@@ -187,17 +198,17 @@ def test_forecasts_are_compared_once_their_last_step_is_over():
     """Kept at 2.4, 2.8, 3.1, ... s, of people who have been followed for 2.4 s; due 1.6 + 0.2 s later."""
     position = walked(3)
     position[:2, 8] += [[0.4, 0.3], [-0.2, 0.6]]  # lines count partly
-    instants = [trust for trust, *_ in stepped(trusting(), position=position)]
-    compared = [trust.taught.compared.sum(axis=-1).tolist() for trust in instants[4:]]
+    instants = [place.trust for place, *_ in stepped(trusting(), position=position)]
+    compared = [trust.sums.compared.sum(axis=-1).tolist() for trust in instants[4:]]
     assert compared == [[0.0] * 3] * 8 + [[1.0] * 3] * 2 + [[3.0] * 3]
-    assert [len(trust.waiting) for trust in instants] == [0] * 7 + [1, 2, 3, 4, 5, 5, 6, 5]
+    assert [len(trust.past) for trust in instants] == [0] * 7 + [1, 2, 3, 4, 5, 5, 6, 5]
     order = np.argsort(PEOPLE)
     for row, person in enumerate(order):
         group = [WALK, WALK, STAND][person]
         products, errors = sums_of(position, person, (7, 8, 9))
-        np.testing.assert_allclose(instants[-1].taught.products[row, group], products)
-        np.testing.assert_allclose(instants[-1].taught.errors[row, group], errors)
-        assert not instants[-1].taught.products[row, 1 - group].any()
+        np.testing.assert_allclose(instants[-1].sums.products[row, group], products)
+        np.testing.assert_allclose(instants[-1].sums.errors[row, group], errors)
+        assert not instants[-1].sums.products[row, 1 - group].any()
     np.testing.assert_array_equal(instants[-1].place.compared, [100.0, 100.0])
 
 
@@ -205,18 +216,18 @@ def test_forecasts_are_compared_once_their_last_step_is_over():
 def test_rounding_of_times_changes_no_comparison(later_s):
     """Differences of times are not exact: 4.1 - 1.7 is less than 2.4."""
     time_s = np.round(TIMES_S + later_s, 1)
-    instants = [trust for trust, *_ in stepped(trusting(), time_s)]
-    assert [int(trust.taught.compared.sum()) for trust in instants] == [0] * 12 + [3, 3, 9]
-    assert [len(trust.waiting) for trust in instants] == [0] * 7 + [1, 2, 3, 4, 5, 5, 6, 5]
+    instants = [place.trust for place, *_ in stepped(trusting(), time_s)]
+    assert [int(trust.sums.compared.sum()) for trust in instants] == [0] * 12 + [3, 3, 9]
+    assert [len(trust.past) for trust in instants] == [0] * 7 + [1, 2, 3, 4, 5, 5, 6, 5]
 
 
 def test_people_must_be_seen_and_detected_four_times_to_teach():
     """Seen at 0, 1.2, 2.4 s only; the second person also at 1.8 s; the third not at 2.4 s."""
     time_s = np.array([0.0, 1.2, 1.8, 2.4, 2.7])
     seen = np.array([[1, 1, 0, 1, 0], [1, 1, 1, 1, 0], [1, 1, 1, 0, 1]], bool)
-    *_, before, after = (trust for trust, *_ in stepped(trusting(), time_s, seen=seen))
-    assert [kept.person.tolist() for kept in before.waiting] == [[PEOPLE[1]]]
-    assert [kept.person.tolist() for kept in after.waiting] == [[PEOPLE[1]], [PEOPLE[2]]]
+    *_, before, after = (place.trust for place, *_ in stepped(trusting(), time_s, seen=seen))
+    assert [kept.person.tolist() for kept in before.past] == [[PEOPLE[1]]]
+    assert [kept.person.tolist() for kept in after.past] == [[PEOPLE[1]], [PEOPLE[2]]]
 
 
 @pytest.mark.parametrize(("last_s", "gone"), [(7.48, False), (7.52, True)])
@@ -226,10 +237,11 @@ def test_people_who_left_teach_those_who_come_later(last_s, gone):
     Shares of somebody who is there stay; who comes afterwards starts with the new ones.
     """
     position, here = walked(3), np.zeros((1, 2))
-    *_, (trust, *_) = stepped(trusting(), position=position)
+    *_, (place, *_) = stepped(trusting(), position=position)
     known = here, np.array([True]), forecasts_of(here, [1.0])
     for now_s in (5.8, 6.2, 6.6, 7.1, last_s):
-        trust, _ = trust.after(now_s, np.array([20]), *known)
+        place, _ = at_instant(place, now_s, np.array([20]), *known)
+    trust = place.trust
     assert trust.person.tolist() == ([20] if gone else [4, 6, 9, 20])
     np.testing.assert_array_equal(trust.place.compared, [103.0, 106.0] if gone else [100.0, 100.0])
     if gone:
@@ -239,7 +251,8 @@ def test_people_who_left_teach_those_who_come_later(last_s, gone):
         np.testing.assert_allclose(trust.place.products[WALK], products)
         np.testing.assert_allclose(trust.place.errors[WALK], errors)
         for now_s in (8.1, 8.4, 9.3):
-            trust, _ = trust.after(now_s, np.array([15]), *known)
+            place, _ = at_instant(place, now_s, np.array([15]), *known)
+        trust = place.trust
         assert trust.person.tolist() == [15, 20]
         ridge = products * (1 + 200 / 106 * np.eye(2))
         np.testing.assert_allclose(trust.weights[0, WALK], best_weights(ridge, errors))
@@ -250,20 +263,22 @@ def test_who_is_not_seen_up_to_the_last_step_teaches_nothing():
     """The second person is last detected at 3.8 s; its forecast from 2.4 s ends at 4 s."""
     seen = np.ones((3, 15), bool)
     seen[1, 12:] = False
-    *_, (trust, *_) = stepped(trusting(), seen=seen)
-    np.testing.assert_array_equal(trust.taught.compared.sum(axis=-1), [0.0, 3.0, 3.0])
+    *_, (place, *_) = stepped(trusting(), seen=seen)
+    trust = place.trust
+    np.testing.assert_array_equal(trust.sums.compared.sum(axis=-1), [0.0, 3.0, 3.0])
     assert trust.person.tolist() == sorted(PEOPLE)
 
 
 def test_what_was_learned_is_kept_without_people():
     """What people have taught who are there counts, too, also after lists of numbers were written."""
-    *_, (trust, *_) = stepped(trusting())
-    alone = trust.without_people()
+    *_, (place, *_) = stepped(trusting())
+    trust, left = place.trust, place.without_people()
+    alone = left.trust
     np.testing.assert_array_equal(alone.place.compared, [103.0, 106.0])
-    np.testing.assert_allclose(alone.place.errors, trust.place.errors + trust.taught.errors.sum(axis=0))
-    assert (alone.waiting, alone.looked_s, len(alone.person), len(alone.weights)) == ((), -np.inf, 0, 0)
-    again = Trust.unlearned(STEPS).relearned(trust.plain())
+    np.testing.assert_allclose(alone.place.errors, trust.place.errors + trust.sums.errors.sum(axis=0))
+    assert (alone.past, left.looked_s, len(alone.person), len(alone.weights)) == ((), -np.inf, 0, 0)
+    again = Trust.initial(STEPS).restored(trust.plain())
     for one, other in zip(again.place, alone.place, strict=True):
         np.testing.assert_array_equal(one, other)
     with pytest.raises(ValueRuleError):
-        Trust.unlearned(STEPS).relearned(trust.plain() | {"compared": [-1.0, 0.0]})
+        Trust.initial(STEPS).restored(trust.plain() | {"compared": [-1.0, 0.0]})

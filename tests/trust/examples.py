@@ -13,14 +13,13 @@ import zstandard
 from mcap.writer import CompressionType
 from omegaconf import OmegaConf
 from PIL import Image
-from rosbags.typesys import Stores
 
 from pedpred import config
 from pedpred.command.forecast_tables import COLUMNS
 from pedpred.command.foreign import read_forecasts
 from pedpred.evaluation.forecasts import write_windows
 from pedpred.features import FeatureTable, ForecastProtocol
-from pedpred.forecasting.chain import Chain
+from pedpred.forecasting.postprocessing import Postprocessing
 from pedpred.geometry import Homography
 from pedpred.models.features import RowFormat
 from pedpred.models.lstm.features import LstmFeatures
@@ -37,7 +36,7 @@ from pedpred.rows.files import columns_of, read_manifest, read_shard, write_mani
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
 from pedpred.storage.scenes import write_scene
-from tests.bags import PEOPLE, Filled, Store, moving_bag, repacked, write_mcap
+from tests.bags import PEOPLE, Store, moving_bag, repacked, write_mcap
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.field_formats import BINARY, PIXEL_M, RATE_HZ, ROWS, WRITERS
 from tests.forecasts import windows_with
@@ -203,7 +202,7 @@ def make_foreign(folder: Path) -> None:
 
 
 def read_foreign(folder: Path) -> object:
-    return [read_forecasts(folder / name, None) for name in FORECASTS]
+    return [read_forecasts(folder / name) for name in FORECASTS]
 
 
 def make_ewap(folder: Path) -> None:
@@ -301,12 +300,12 @@ def make_compressed(path: Path) -> None:
 
 def make_moving(folder: Path) -> None:
     """People in the frame of a robot that moves."""
-    moving_bag(Store(Stores.ROS2_HUMBLE), folder, "camera", from_camera)
+    moving_bag(Store(), folder, "camera", from_camera)
 
 
 def make_ros1(path: Path) -> None:
     """Messages of ROS 1, with definitions, neither in chunks nor with checksums."""
-    write_mcap(Filled(0, ros1=True), path, PEOPLE, "ros1", "ros1msg", b"defined")
+    write_mcap(Store(ros1=True), path, PEOPLE, "ros1", "ros1msg", True)
 
 
 def make_archive(folder: Path) -> None:
@@ -343,10 +342,10 @@ def read_project(folder: Path) -> None:
 
 
 def make_learned_place(path: Path) -> None:
-    untaught = Chain(trust=True).unlearned(STEPS).plain()
+    untaught = Postprocessing(trust=True).initial(STEPS).plain()
     untaught["trust"]["compared"] = [3.0, 40.0]
-    write_place(path, Chain(trust=True).unlearned(STEPS).relearned(untaught), {}, "network")
+    write_place(path, Postprocessing(trust=True).initial(STEPS).restored(untaught), {}, "network")
 
 
 def read_learned_place(path: Path) -> dict[str, Any]:
-    return read_place(path, Chain(trust=True).unlearned(STEPS), "network")[0].plain()
+    return read_place(path, Postprocessing(trust=True).initial(STEPS), "network")[0].plain()

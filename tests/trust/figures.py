@@ -10,9 +10,7 @@ from pathlib import Path
 
 from pedpred.baselines.registry import BASELINES
 from pedpred.command.prediction import predictor_for
-from pedpred.evaluation import EvaluationSettings
-from pedpred.evaluation.scores import integrate_truth
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation import EvaluationSettings, find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.files import write_json
@@ -39,11 +37,9 @@ def as_on_a_robot(scene: Scene) -> dict[str, float]:
 
 def by_its_own_forces(scene: Scene) -> float:
     """Mean error of the social force model in its own simulation, m."""
-    sizes = ForecastProtocol()
-    request = ask_about_windows(scene, Perception(None, 0.2), sizes, SETTINGS)
-    paths = BASELINES["social_force"]()(request).point
-    truth = integrate_truth(request.asked, sizes.dt_s)
-    return round(float(displacement(paths, truth).mean()), 5)
+    windows = find_windows(scene, Perception(None, 0.2), ForecastProtocol(), SETTINGS)
+    paths = BASELINES["social_force"]()(windows.request).point
+    return round(float(displacement(paths, windows.truth).mean()), 5)
 
 
 def measured() -> dict[str, dict[str, float]]:

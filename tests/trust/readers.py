@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin
-from rosbags.typesys import Stores
 
 from pedpred import config
 from pedpred.command.prediction import read_tracker
@@ -23,7 +22,7 @@ from pedpred.rows.files import read_embeddings, write_embeddings
 from pedpred.sources import SOURCES
 from pedpred.storage.scenes import read_map, read_scene
 from tests import field_formats
-from tests.bags import PEOPLE, Store, stream
+from tests.bags import Store, stream
 from tests.exported import export
 from tests.test_eth_ucy import SETTINGS as STREET
 from tests.test_eth_ucy import write_street
@@ -33,7 +32,6 @@ from tests.test_sources import SETTINGS as EWAP
 from tests.trust import examples
 
 Step = Callable[[Path], object]
-ROS2 = Stores.ROS2_HUMBLE
 
 
 @dataclass(frozen=True)
@@ -53,10 +51,10 @@ def source(name: str, settings: Mapping[str, Any]) -> Step:
     return lambda folder: SOURCES[name](folder, "place", settings)
 
 
-def bag(version: Stores, **storage: StoragePlugin) -> Step:
+def bag(ros1: bool = False, **storage: StoragePlugin) -> Step:
     """Write three instants of two people, and a map."""
-    store = Store(version)
-    return lambda path: store.write(path, stream(store, PEOPLE), **storage)
+    store = Store(ros1=ros1)
+    return lambda path: store.write(path, stream(store), **storage)
 
 
 def embed(folder: Path) -> None:
@@ -117,10 +115,10 @@ READERS = {
     ),
     "checkpoint": Reader(examples.make_checkpoint, ("weights.safetensors", "about.json"), load_network),
     "model": Reader(export, ("model.json", "network.onnx"), examples.read_model),
-    "ROS 1 bag": Reader(at("hall.bag", bag(Stores.ROS1_NOETIC)), ("hall.bag",), at("hall.bag", read_bag)),
-    "ROS 2 bag": Reader(at("hall", bag(ROS2)), ("hall/hall.db3",), at("hall", read_bag)),
+    "ROS 1 bag": Reader(at("hall.bag", bag(ros1=True)), ("hall.bag",), at("hall.bag", read_bag)),
+    "ROS 2 bag": Reader(at("hall", bag()), ("hall/hall.db3",), at("hall", read_bag)),
     "ROS 2 bag (MCAP)": Reader(
-        at("hall", bag(ROS2, storage=StoragePlugin.MCAP)),
+        at("hall", bag(storage=StoragePlugin.MCAP)),
         ("hall/hall.mcap",),
         at("hall", read_bag),
     ),

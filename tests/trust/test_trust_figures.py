@@ -5,9 +5,9 @@ import json
 import pytest
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
-from pedpred.evaluation import EvaluationSettings, summarise_methods
-from pedpred.literature.measures import measure
-from pedpred.literature.windows import find_windows
+from pedpred.evaluation import EvaluationSettings, measure, summarise_methods
+from pedpred.evaluation.observed import find_observed_windows
+from pedpred.features.perception import Perception
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
 from stages.eth_ucy import comparison_of
@@ -44,8 +44,9 @@ def test_real_errors_are_the_published_ones(scene):
     else:
         del methods[STRONGEST]
     still_mps = PARAMS["protocol"]["standstill_mps"]
-    windows = find_windows(recording(name), comparison.protocol, tracker, still_mps, memory=False)
-    scores = {m: measure(windows, make(), 1, how) for m, make in methods.items()}
+    how_seen = Perception(tracker, still_mps)
+    windows = find_observed_windows(recording(name), how_seen, comparison.protocol, memory=False)
+    scores = measure(windows, {m: make() for m, make in methods.items()}, how)
     figures = summarise_methods(scores, "cv", how)
     for method, own in figures.items():
         for key in ("ade_m", "fde_m"):

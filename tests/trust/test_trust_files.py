@@ -22,6 +22,14 @@ from tests.trust.trial import LOST, READ, REFUSED, Bench, judged
 USUAL, FEW = 25, {"conf": 6, "archive": 12, "data archive": 6}  # trials: the readers of `FEW` take long
 
 
+ELSEWHERE = b"""
+image: ../map.pgm
+resolution: 0.1
+origin: [0, 0, 0]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.25
+"""
 CUTS = {
     "empty": lambda raw: b"",
     "zeros": lambda raw: bytes(len(raw)),
@@ -102,7 +110,7 @@ def folder(tmp_path):
     [
         ("map.pgm", b"P5\n10000 8000\n255\n", f"at most {MOST_PIXELS} pixels"),
         ("map.pgm", b"P5\n8000 8000\n255\n", "map.pgm"),  # allowed, but nothing follows
-        ("map.yaml", b"image: ../map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n", "beside map.yaml"),
+        ("map.yaml", ELSEWHERE, "beside map.yaml"),
         ("map.yaml", b"image: !!python/object/apply:os.getcwd []\n", "map.yaml"),
         ("map.yaml", b"[" * 2_000, "map.yaml"),
         ("map.yaml", b"a: 1\n" * 100_000, "at most"),

@@ -14,7 +14,7 @@ from dvc.dependency import ParamsDependency
 from omegaconf import OmegaConf
 
 from pedpred.config import SETS
-from pedpred.evaluation.windows import ask_about_windows
+from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.models.lstm.autoencoder import GridAutoencoder
@@ -140,7 +140,7 @@ def test_no_forecast_moves_when_the_future_does():
 
     def forecast(trajectories):
         seen = replace(scene, trajectories=trajectories)
-        request = ask_about_windows(seen, Perception(KalmanSettings(0.1, 0.1), 0.2), sizes)
+        request = find_windows(seen, Perception(KalmanSettings(0.1, 0.1), 0.2), sizes).request
         asked = replace(request, rows=np.arange(len(request.table)))
         return asked.table.time_s, forecaster_of(network, encoder.encoder)(asked).point
 

@@ -25,8 +25,7 @@ from pedpred.reading.geometry import parse_wkt
 from pedpred.reading.head import Head
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.table import Table
-from pedpred.reading.text import whole_numbers
-from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.reading.text import check_size
 
 if TYPE_CHECKING:
     import h5py
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 NAME = "Pedestrian Dynamics Data Archive"
 _COLUMNS = ("id", "frame", "x", "y")
 _LONGEST_S, _MOST_BYTES, _MOST_REGIONS = 120.0, 8 * 2**30, 1000
-_SCHEMAS = (1, 2)
+_SCHEMAS = (None, 1, 2)
 """Versions of JuPedSim's own HDF5 files; those of the archive have none."""
 _OTHERS = "Read are those of the Pedestrian Dynamics Data Archive; save other tables as CSV"
 
@@ -60,22 +59,17 @@ def read(path: Path, options: ReadOptions) -> Table:
         raise ContentError(f"a damaged file of HDF5: it was not read within {_LONGEST_S:g} s") from cause
     if ended.returncode:
         lines = ended.stderr.decode(errors="replace").strip().splitlines()
-        known = ended.returncode == 2 and lines
-        reason = lines[-1] if known else f"a damaged file, the reader ended with exit code {ended.returncode}"
-        raise ContentError(f"HDF5: {reason}", _OTHERS)
+        reason = lines[-1] if lines else f"the reader ended with exit code {ended.returncode}"
+        raise ContentError(f"HDF5: {reason[:400]}", _OTHERS)
     with pa.ipc.open_stream(ended.stdout) as stream:
-        table, about = stream.read_all(), stream.schema.metadata
-    if not table.num_rows:
-        raise ContentError("no detections, trajectory is empty")
-    columns = {name: table[name].to_numpy().astype(np.float64) for name in _COLUMNS}
-    columns |= {name: whole_numbers(columns[name], name) for name in ("id", "frame")}
+        rows, about = stream.read_all(), stream.schema.metadata
     fps, wkt = about[b"fps"].decode(), about[b"wkt"].decode()
     walls = partial(parse_wkt, wkt) if wkt.strip() else None
-    return Table(pa.table(columns), "m", float(fps) if fps else None, walls=walls)
+    return Table(rows, "m", float(fps) if fps else None, walls=walls)
 
 
 def main() -> None:
-    """Write the columns of a file, `fps` and `wkt` to stdout; or a problem to stderr, with exit code 2."""
+    """Write the columns of a file, `fps` and `wkt` to stdout; or a problem as the last line of stderr."""
     if sys.platform != "win32":
         import resource
 
@@ -85,12 +79,9 @@ def main() -> None:
         with pa.ipc.new_stream(sys.stdout.buffer, table.schema) as stream:
             stream.write_table(table)
     except ImportError:
-        sys.stderr.write('h5py is not installed: pip install "pedpred[hdf5]"\n')
-        sys.exit(2)
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError, MemoryError) as problem:
-        lines = str(problem).splitlines()
-        sys.stderr.write(f"{lines[0][:400] if lines else type(problem).__name__}\n")
-        sys.exit(2)
+        sys.exit('h5py is not installed: pip install "pedpred[hdf5]"')
+    except Exception as problem:  # whatever h5py raises on damaged bytes
+        sys.exit(" ".join(str(problem).split()) or type(problem).__name__)
 
 
 def _content(path: Path) -> pa.Table:
@@ -98,71 +89,44 @@ def _content(path: Path) -> pa.Table:
 
     with h5py.File(path, "r") as file:
         schema = file.attrs.get("schema_version")
-        if schema is not None and schema not in _SCHEMAS:
-            known = ", ".join(map(str, _SCHEMAS))
-            raise ValueError(f"schema_version {schema} of JuPedSim is not known, only {known}")
+        if schema not in _SCHEMAS:
+            raise ContentError(f"schema_version {schema} of JuPedSim is not known, only 1, 2")
         table = _own(file, "trajectory")
-        columns = _columns(table)
-        rate = table.attrs.get("fps", file.attrs.get("fps", ()))
-        texts = []
+        if missing := [name for name in _COLUMNS if name not in (table.dtype.names or ())]:
+            raise ContentError(f"'trajectory' has no column {missing[0]}; it has {table.dtype.names}"[:300])
+        filters = table.id.get_create_plist()
+        codes = [filters.get_filter(number)[0] for number in range(filters.get_nfilters())]
+        if not all(map(h5py.h5z.filter_avail, codes)):
+            problem = f"the compression of the data (HDF5 filters {codes}) is not installed"
+            raise ContentError(f"{problem}: bring them to gzip with h5repack -f GZIP=4, or write SQLite")
+        check_size(table.size)
+        columns = {name: np.ravel(table.fields(name)[:]).astype(np.float64) for name in _COLUMNS}
+        fps = table.attrs.get("fps", file.attrs.get("fps", ()))
+        wkt = [file.attrs.get("wkt_geometry", "")]
         if schema == 2:
-            rate = 1 / (float(file.attrs["dt"]) * float(file.attrs["every_nth_frame"]))
-            texts = _own(file, "regions").fields("wkt")[:_MOST_REGIONS]
+            fps = 1 / (float(file.attrs["dt"]) * float(file.attrs["every_nth_frame"]))
+            wkt = _own(file, "regions").fields("wkt")[:_MOST_REGIONS]
         elif schema == 1 and "geometry" in file:
-            texts = _own(file, "geometry", "wkt")[:_MOST_REGIONS]
-        geometry = file.attrs.get("wkt_geometry", "")
-        wkt = geometry.decode() if isinstance(geometry, bytes) else str(geometry)
-        wkt = "\n".join(text.decode() for text in texts) or wkt
-    fps = np.ravel(np.asarray(rate, dtype=np.float64))[:1].tolist()
-    return pa.table(columns).replace_schema_metadata({"fps": "".join(map(repr, fps)), "wkt": wkt})
+            wkt = _own(file, "geometry/wkt")[:_MOST_REGIONS]
+        texts = [text.decode() if isinstance(text, bytes) else str(text) for text in wkt]
+    rate = np.ravel(np.asarray(fps, np.float64))[:1].tolist()
+    about = {"fps": "".join(map(repr, rate)), "wkt": "\n".join(texts)}
+    return pa.table(columns).replace_schema_metadata(about)
 
 
-def _columns(table: h5py.Dataset) -> dict[str, np.ndarray]:
-    """The columns of `_COLUMNS`, as numbers of this machine.
+def _own(file: h5py.File, path: str) -> h5py.Dataset:
+    """The data set at a path, whose data lie in this file.
 
     Raises:
-        ValueError: it is no table, has too many rows, holds no numbers, or its compression is unknown.
+        ContentError: there is none, or its data lie in another file.
     """
     import h5py  # see above
 
-    names = table.dtype.names or ()
-    if missing := [name for name in _COLUMNS if name not in names]:
-        raise ValueError(f"'trajectory' has no column {missing[0]}; it has {', '.join(names)[:200]}")
-    filters = table.id.get_create_plist()
-    for number in range(filters.get_nfilters()):
-        code, *_, name = filters.get_filter(number)
-        if not h5py.h5z.filter_avail(code):
-            what = f"the data are compressed with {name.decode() or 'a filter'} ({code}), which is not read"
-            raise ValueError(f"{what}: bring them to gzip with h5repack -f GZIP=4, or write SQLite")
-    if table.ndim != 1:
-        raise ValueError(f"'trajectory' has the shape {table.shape}, it must be a list of rows")
-    if table.size > MOST_NUMBERS // len(_COLUMNS):
-        raise ValueError(
-            f"'trajectory' has {table.size} rows, at most {MOST_NUMBERS // len(_COLUMNS)} are read"
-        )
-    columns = {name: np.asarray(table.fields(name)[:]) for name in _COLUMNS}
-    for name, values in columns.items():
-        if values.dtype.kind not in "iuf" or values.ndim != 1:
-            raise ValueError(f"column {name} has the type {values.dtype}, which is not a number")
-        columns[name] = values.astype(values.dtype.newbyteorder("="), copy=False)
-    return columns
-
-
-def _own(file: h5py.File, *names: str) -> h5py.Dataset:
-    """The data set under some names, one within the other, which lies in this file.
-
-    Raises:
-        ValueError: there is none, or its data lie in another file.
-    """
-    import h5py  # see above
-
-    found = file
-    for name in names:
-        if not isinstance(found, h5py.Group) or not isinstance(found.get(name, getlink=True), h5py.HardLink):
-            raise ValueError(f"no data set {'/'.join(names)!r}; there is {', '.join(map(str, file))[:200]}")
-        found = found[name]
-    if not isinstance(found, h5py.Dataset):
-        raise ValueError(f"{'/'.join(names)!r} is no data set")
+    parts = path.split("/")
+    links = [file.get("/".join(parts[: end + 1]), getlink=True) for end in range(len(parts))]
+    if not all(isinstance(link, h5py.HardLink) for link in links) or not isinstance(file[path], h5py.Dataset):
+        raise ContentError(f"no data set {path!r} in this file; there is {', '.join(map(str, file))[:200]}")
+    found = file[path]
     if found.external or found.is_virtual:
-        raise ValueError("the data lie in another file")
+        raise ContentError("the data lie in another file")
     return found

@@ -17,7 +17,7 @@ from pedpred.reading.errors import NO_PEDESTRIAN, ContentError, add_path
 from pedpred.reading.head import Head
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.table import Table, text_form
-from pedpred.reading.text import numbers, read_columns
+from pedpred.reading.text import read_columns
 
 NAME = "drone recording (inD, rounD, uniD)"
 _WANTED = {"id": "trackId", "frame": "frame", "x": "xCenter", "y": "yCenter"}
@@ -42,35 +42,25 @@ def read(path: Path, options: ReadOptions) -> Table:
         raise ContentError(problem, "Give the files their names, such as 00_tracks.csv")
     meta = path.with_name(path.name.replace(_TRACKS, "tracksMeta"))
     with add_path(meta):
-        kinds, _ = _columns(meta, {"id": "trackId", "class": "class"})
+        kinds = _columns(meta, {"id": "trackId", "class": "class"})
         walks = pc.equal(pc.utf8_lower(kinds["class"].cast(pa.string())), "pedestrian")
         pedestrians = kinds["id"].cast(pa.string()).filter(walks).combine_chunks()
-    rows, _ = _columns(path, _WANTED)
+    rows = _columns(path, _WANTED)
     rows = rows.filter(pc.is_in(rows["id"].cast(pa.string()), pedestrians))
     if not rows.num_rows:
         raise ContentError(f"no track is a pedestrian in {meta.name}", NO_PEDESTRIAN)
-    return Table(rows, "m", _rate_hz(path))
+    recording = path.with_name(path.name.replace(_TRACKS, "recordingMeta"))
+    if not recording.exists():
+        return Table(rows, "m")
+    with add_path(recording):
+        return Table(rows, "m", _columns(recording, {"rate": "frameRate"})["rate"][0].as_py())
 
 
-def _rate_hz(path: Path) -> float | None:
-    meta = path.with_name(path.name.replace(_TRACKS, "recordingMeta"))
-    if not meta.exists():
-        return None
-    with add_path(meta):
-        rows, before = _columns(meta, {"rate": "frameRate"})
-        rates = numbers(rows["rate"], "frameRate", before)
-        if not len(rates):
-            raise ContentError("no frameRate")
-        return float(rates[0])
-
-
-def _columns(path: Path, wanted: dict[str, str]) -> tuple[pa.Table, int]:
-    """Columns by name, and the number of lines before them."""
+def _columns(path: Path, wanted: dict[str, str]) -> pa.Table:
+    """Columns by name."""
     if not path.exists():
         raise ContentError("the file is missing", "The three files of a recording lie together")
     form, *_ = text_form(path, ReadOptions())
     if missing := [title for title in wanted.values() if title not in form.titles]:
-        raise ContentError(
-            f"no column {missing[0]}; there are {', '.join(form.titles)[:200]}", line=form.skipped
-        )
-    return read_columns(path, form, wanted), form.skipped
+        raise ContentError(f"no column {missing[0]}; there are {', '.join(form.titles)[:200]}")
+    return read_columns(path, form, wanted)

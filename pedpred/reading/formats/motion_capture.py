@@ -47,26 +47,27 @@ def read(path: Path, options: ReadOptions) -> Table:
         ContentError: the file has no such columns, or a value is wrong.
     """
     about, form = _head(path, options)
-    places = _places(str(path), about, form.titles)
-    clock = [title for title in ("Time", "Frame") if title in form.titles][:1]
+    places = _places(str(path), about.get("BODY_NAMES", ()), form.titles)
+    clock = next((title for title in ("Time", "Frame") if title in form.titles), None)
     used = dict.fromkeys(title for pairs in places.values() for pair in pairs for title in pair)
-    table = read_columns(path, form, {title: title for title in (*clock, *used)}, ())
+    table = read_columns(path, form, {title: title for title in [*used, *filter(None, [clock])]}, ())
     values = {title: table[title].to_numpy() for title in table.column_names}
-    when = values[clock[0]] if clock else np.arange(table.num_rows, dtype=np.float64)
-    first = _first_of_each(str(path), when)
+    when = values[clock] if clock else np.arange(table.num_rows)
+    _, first = np.unique(when, return_index=True)
+    if len(first) < table.num_rows:
+        _log.warning("%s: dropped %d repeated frames", path, table.num_rows - len(first))
     parts = []
     for body, pairs in places.items():
         seen = [np.stack([values[x][first], values[y][first]], -1) for x, y in pairs]
         best = max(seen, key=lambda position: int(_is_seen(position).sum()))
         rows = _is_seen(best)
         _log.info("%s: %s is seen in %d frames", path, body, rows.sum())
-        parts.append((np.full(rows.sum(), body), when[first][rows], *best[rows].T))
-    who, at, x, y = (np.concatenate(part) for part in zip(*parts, strict=True))
-    written = next(iter(about.get("FREQUENCY", ())), "").replace(",", ".")
-    rate_hz = None if clock == ["Time"] or not written else float(written)
-    name = "time" if clock == ["Time"] else "frame"
-    columns = {"id": pa.array(who.tolist(), pa.string()), name: at, "x": x, "y": y}
-    return Table(pa.table(columns), "mm", rate_hz)
+        x, y = best[rows].T
+        parts.append(pa.table({"id": [body] * len(x), "when": when[first[rows]], "x": x, "y": y}))
+    people = pa.concat_tables(parts)
+    people = people.rename_columns(["id", "time" if clock == "Time" else "frame", "x", "y"])
+    rate = next(iter(about.get("FREQUENCY", ())), "").replace(",", ".")
+    return Table(people, "mm", float(rate) if rate and clock != "Time" else None)
 
 
 def _head(path: Path, options: ReadOptions) -> tuple[Mapping[str, Sequence[str]], TextForm]:
@@ -81,58 +82,46 @@ def _head(path: Path, options: ReadOptions) -> tuple[Mapping[str, Sequence[str]]
         delimiter = next((sign for sign in "\t;" if sign in line), ",")
         fields = [field.strip().strip('"') for field in line.split(delimiter)]
         has_titles = any(_TITLE.fullmatch(field) for field in fields)
-        if has_titles or (fields[0] and not fields[0].strip("-0123456789.,")):
-            skipped = number + has_titles
-            width = len(fields) - (not fields[-1])
-            titles = fields if has_titles else _titles_of(about.get("MARKER_NAMES", ()), width)
-            first = lines[skipped].split(delimiter) if skipped < len(lines) else fields
-            titles = [*titles, *[""] * len(first)][: len(first)]
-            titles = [title or f"blank {at}" for at, title in enumerate(titles)]
-            commas = delimiter != "," and "," in "".join(first)
-            decimal = "," if commas else options.decimal
-            return about, TextForm(titles, delimiter, skipped, options.encoding, decimal)
-        about[fields[0]] = [field for field in fields[1:] if field]
+        if not has_titles and (not fields[0] or fields[0].strip("-0123456789.,")):
+            about[fields[0]] = [field for field in fields[1:] if field]
+            continue
+        skipped = number + has_titles
+        first = lines[skipped].split(delimiter) if skipped < len(lines) else fields
+        titles = fields if has_titles else _titles_of(about.get("MARKER_NAMES", ()), first)
+        titles = [*titles, *[""] * len(first)][: len(first)]
+        titles = [title or f"blank {at}" for at, title in enumerate(titles)]
+        commas = delimiter != "," and any("," in field for field in first)
+        decimal = "," if commas else options.decimal
+        return about, TextForm(titles, delimiter, skipped, options.encoding, decimal)
     raise ContentError("no columns such as 'Helmet_1 - 1 X' and 'Helmet_1 - 1 Y'", _EXPORT)
 
 
-def _titles_of(markers: Sequence[str], width: int) -> list[str]:
+def _titles_of(markers: Sequence[str], first: Sequence[str]) -> list[str]:
     """Titles of columns that have none: X, Y and Z of markers, perhaps after frame and time."""
+    width = len(first) - (not first[-1].strip())
     titles = [f"{name} {axis}" for name in markers for axis in "XYZ"]
-    before = ["Frame", "Time"][: max(0, min(2, width - len(titles)))]
     if not markers or width < len(titles):
         raise ContentError(f"{width} columns, expected X, Y and Z of {len(markers)} markers", _EXPORT)
-    return [*before, *titles]
+    return [*["Frame", "Time"][: width - len(titles)], *titles]
 
 
-def _places(
-    name: str, about: Mapping[str, Sequence[str]], titles: Sequence[str]
-) -> dict[str, list[tuple[str, str]]]:
+def _places(name: str, bodies: Sequence[str], titles: Sequence[str]) -> dict[str, list[tuple[str, str]]]:
     """Titles of x and y of every person: those of the centroid alone, or those of all markers."""
-    found: dict[str, dict[str, dict[str, str]]] = {}
-    known = about.get("BODY_NAMES", ())
+    found: dict[str, list[tuple[str, str]]] = {}
     for title in titles:
-        if (match := _TITLE.fullmatch(title)) and (not known or match["body"] in known):
-            found.setdefault(match["body"], {}).setdefault(match["marker"], {})[match["axis"]] = title
+        match = _TITLE.fullmatch(title)
+        other = f"{title[:-1]}Y"
+        if match and title.endswith("X") and other in titles and (not bodies or match["body"] in bodies):
+            found.setdefault(match["body"], []).append((title, other))
+    if not found:
+        raise ContentError("no columns such as 'Helmet_1 - 1 X' and 'Helmet_1 - 1 Y'", _EXPORT)
     people = [body for body in found if body.startswith(_PERSON)]
     if not people:
         _log.warning("%s: no body is called %s, so that each body or marker is a person", name, _PERSON)
-    places = {}
-    for body in people or found:
-        markers = {kind: axes for kind, axes in found[body].items() if len(axes) == len("XY")}
-        centroid = [axes for kind, axes in markers.items() if "Centroid" in kind]
-        if pairs := [(axes["X"], axes["Y"]) for axes in centroid or markers.values()]:
-            places[body] = pairs
-    if not places:
-        raise ContentError("no columns such as 'Helmet_1 - 1 X' and 'Helmet_1 - 1 Y'", _EXPORT)
-    return places
-
-
-def _first_of_each(name: str, clock: np.ndarray) -> np.ndarray:
-    """Rows of the first frame at each time; some frames of THOR-MAGNI are there twice."""
-    _, first = np.unique(clock, return_index=True)
-    if len(first) < len(clock):
-        _log.warning("%s: dropped %d frames at the time of an earlier one", name, len(clock) - len(first))
-    return first
+    return {
+        body: [pair for pair in found[body] if "Centroid" in pair[0]] or found[body]
+        for body in people or found
+    }
 
 
 def _is_seen(position: np.ndarray) -> np.ndarray:

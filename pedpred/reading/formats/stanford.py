@@ -16,7 +16,7 @@ import pyarrow.compute as pc
 from pedpred.reading.head import Head
 from pedpred.reading.options import PIXELS, ReadOptions
 from pedpred.reading.table import Table
-from pedpred.reading.text import BLANKS, TextForm, numbers, read_columns
+from pedpred.reading.text import BLANKS, TextForm, read_columns
 
 NAME = "Stanford Drone Dataset"
 _TITLES = ("track", "xmin", "ymin", "xmax", "ymax", "frame", "lost", "occluded", "generated", "label")
@@ -33,12 +33,8 @@ def read(path: Path, options: ReadOptions) -> Table:
     """Read the boxes of all classes; the rate is 30 Hz unless `options` says another one."""
     delimiter = "," if "," in Head.of(path).line else BLANKS
     wanted = {title: title for title in _TITLES if title not in ("occluded", "generated")}
-    rows = read_columns(path, TextForm(_TITLES, delimiter), wanted, ("track", "label", "lost"))
-    x, y = (
-        numbers(rows[f"{axis}min"], f"{axis}min", 0) / 2 + numbers(rows[f"{axis}max"], f"{axis}max", 0) / 2
-        for axis in "xy"
-    )
-    columns = {"frame": rows["frame"], "id": rows["track"], "class": rows["label"]}
-    columns |= {"x": pa.chunked_array([x]), "y": pa.chunked_array([y])}
-    seen = pc.not_equal(rows["lost"].cast(pa.string()), "1")
-    return Table(pa.table(columns).filter(seen), PIXELS, options.rate_hz or _USUAL_HZ)
+    boxes = read_columns(path, TextForm(_TITLES, delimiter), wanted, ("track", "label"))
+    middle = {axis: boxes[f"{axis}min"].to_numpy() / 2 + boxes[f"{axis}max"].to_numpy() / 2 for axis in "xy"}
+    rows = pa.table({"frame": boxes["frame"], "id": boxes["track"], "class": boxes["label"], **middle})
+    seen = pc.not_equal(boxes["lost"], 1.0)
+    return Table(rows.filter(seen), PIXELS, options.rate_hz or _USUAL_HZ)

@@ -10,17 +10,17 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping
 from pathlib import Path
+from xml.parsers import expat
 
 import numpy as np
 import pyarrow as pa
 
-from pedpred.reading.errors import NO_PEDESTRIAN, ContentError
+from pedpred.errors import brief
+from pedpred.reading.errors import CORRECT, NO_DOCTYPE, NO_PEDESTRIAN, ContentError
 from pedpred.reading.head import Head
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.table import Table
-from pedpred.reading.text import to_number
-from pedpred.reading.xml_parser import XmlParser
-from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.reading.text import check_size, finite_number
 
 NAME = "SUMO FCD"
 _CHUNK_BYTES, _LONGEST_ELEMENT_BYTES, _DEEPEST = 2**16, 2**20, 8
@@ -43,57 +43,65 @@ def read(path: Path, options: ReadOptions) -> Table:
     with path.open("rb") as file:
         fed = 0
         while chunk := file.read(_CHUNK_BYTES):
-            fed += len(chunk)
-            if fed - reading.parser.feed(chunk) > _LONGEST_ELEMENT_BYTES:
-                raise reading.parser.problem(f"an element of more than {_LONGEST_ELEMENT_BYTES} bytes")
-        reading.parser.feed(b"", final=True)
+            reading.parser.Parse(chunk)
+            if (fed := fed + len(chunk)) - reading.parser.CurrentByteIndex > _LONGEST_ELEMENT_BYTES:
+                raise reading.problem(f"an element of more than {_LONGEST_ELEMENT_BYTES} bytes")
+        reading.parser.Parse(b"", True)
     if not reading.ids:
         raise ContentError("no <person> walks in any <timestep>", NO_PEDESTRIAN)
-    numbers = np.frombuffer(reading.numbers).reshape(-1, 3)
-    steps = np.diff(numbers[np.argsort(reading.ids, kind="stable"), 1:], axis=0)
-    if (np.abs(numbers[:, 1:]) <= (180, 90)).all() and steps.any():
-        same = np.diff(np.sort(reading.ids)) == 0
-        if same.any() and 0 < np.abs(steps[same]).max() < _SMALLEST_STEP:
-            remedy = "Write metres: run SUMO without --fcd-output.geo"
-            raise ContentError("positions look like degrees of longitude and latitude", remedy)
+    values = np.frombuffer(reading.values).reshape(-1, 3)
+    _check_metres(np.array(reading.ids), values[:, 1:])
     ids = pa.DictionaryArray.from_arrays(pa.array(reading.ids), pa.array(list(reading.number_of)))
-    columns = dict(zip(("time", "x", "y"), numbers.T.copy(), strict=True))
-    return Table(pa.table({"id": ids, **{name: pa.array(values) for name, values in columns.items()}}), "m")
+    columns = dict(zip(("time", "x", "y"), values.T.copy(), strict=True))
+    return Table(pa.table({"id": ids} | columns), "m")
+
+
+def _check_metres(track_id: np.ndarray, position: np.ndarray) -> None:
+    """Check that positions [M, 2] are no degrees: people walk farther than `_SMALLEST_STEP` in a step."""
+    order = np.argsort(track_id, kind="stable")
+    steps = np.abs(np.diff(position[order], axis=0)[np.diff(track_id[order]) == 0])
+    if (np.abs(position) <= (180, 90)).all() and 0 < steps.max(initial=0) < _SMALLEST_STEP:
+        remedy = "Write metres: run SUMO without --fcd-output.geo"
+        raise ContentError("positions look like degrees of longitude and latitude", remedy)
 
 
 class _Reading:
     """Handlers of the XML parser, and what they have read: ids, and `time`, `x`, `y` of each person."""
 
     def __init__(self) -> None:
-        self.parser = XmlParser("fcd-export", self.start, self.end)
+        self.parser = expat.ParserCreate()
+        self.parser.StartElementHandler, self.parser.EndElementHandler = self.start, self.end
+        self.parser.StartDoctypeDeclHandler = self.doctype
         self.depth, self.time = 0, ""
-        self.numbers, self.ids = array("d"), array("i")
+        self.values, self.ids = array("d"), array("i")
         self.number_of: dict[str, int] = {}
+
+    def problem(self, text: str, remedy: str = CORRECT) -> ContentError:
+        """An error in the present line."""
+        return ContentError(text, remedy, self.parser.CurrentLineNumber)
+
+    def doctype(self, *_: object) -> None:
+        raise self.problem(*NO_DOCTYPE)
 
     def start(self, name: str, attributes: Mapping[str, str]) -> None:
         self.depth += 1
         if self.depth > _DEEPEST:
-            raise self.parser.problem(f"elements more than {_DEEPEST} deep")
+            raise self.problem(f"elements more than {_DEEPEST} deep")
         if name == "timestep":
             self.time = attributes.get("time", "")
         elif name == "person" and not attributes.get("vehicle"):
-            self.person(attributes)
+            self.person({"id": "", "x": "", "y": "", **attributes, "time": self.time})
 
     def person(self, attributes: Mapping[str, str]) -> None:
-        if not (who := attributes.get("id", "")):
-            raise self.parser.problem("a <person> has no id")
-        written = {"time": self.time, "x": attributes.get("x", ""), "y": attributes.get("y", "")}
-        for key, text in written.items():
+        if not attributes["id"]:
+            raise self.problem("a <person> has no id")
+        for key in ("time", "x", "y"):
             try:
-                value = to_number(text)
+                self.values.append(finite_number(attributes[key]))
             except ValueError as cause:
-                raise self.parser.problem(f"{key} = {text[:80]!r} is not a number") from cause
-            if not np.isfinite(value):
-                raise self.parser.problem(f"{key} = {text[:80]}, must be finite")
-            self.numbers.append(value)
-        self.ids.append(self.number_of.setdefault(who, len(self.number_of)))
-        if 4 * len(self.ids) > MOST_NUMBERS:
-            raise ContentError(f"more than {MOST_NUMBERS // 4} detections", "Divide the file")
+                raise self.problem(f"{key} = {brief(attributes[key])}, must be a finite number") from cause
+        self.ids.append(self.number_of.setdefault(attributes["id"], len(self.number_of)))
+        check_size(len(self.ids))
 
     def end(self, name: str) -> None:
         self.depth -= 1

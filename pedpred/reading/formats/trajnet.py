@@ -9,25 +9,20 @@ annotated: the usual number of frames between two detections of a track lasts 1 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
-import numpy as np
+import pandas as pd
 import pyarrow as pa
 
-from pedpred.errors import brief
-from pedpred.plain import parse_json
 from pedpred.reading.errors import ContentError
 from pedpred.reading.head import Head
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.table import Table
-from pedpred.reading.text import read_lines
+from pedpred.reading.text import check_size
 from pedpred.storage.tracks import MOST_NUMBERS
 
 NAME = "TrajNet++"
-_LINE = '{"track": {"f": 0, "p": 1, "x": 0, "y": 0}}'
+_COLUMNS = {"f": "frame", "p": "id", "x": "x", "y": "y"}
 _OTHERS = "Is this a file of TrajNet++? Save others as CSV with the columns time,id,x,y"
 
 
@@ -40,89 +35,25 @@ def read(path: Path, options: ReadOptions) -> Table:
     """Read the detections; `rate_hz` of the options is the number of frames per second, in place of `fps`.
 
     Raises:
-        ContentError: a line is wrong, or a forecast; or the scenes have no `fps`, or several.
+        ContentError: a value is missing or no number, or a forecast; or scenes have no `fps`, or several.
     """
-    rates: set[float] = set()
-    rows: list[list[Any]] = []
-    for line, kind, content in json_lines(path):
-        if kind == "scene":
-            if "fps" in content and len(rates) < 2:
-                rates.add(rate_of(content))
-            continue
-        if content.get("prediction_number") is not None:
-            remedy = "Measure forecasts with: pedpred evaluate RECORDING --forecasts FILE"
-            raise ContentError("a forecast (prediction_number), but only detections are read", remedy, line)
-        rows.append(fields(content, ("f", "p", "x", "y"), line))
-        if 4 * len(rows) > MOST_NUMBERS:
-            raise ContentError(f"more than {MOST_NUMBERS // 4} rows", "Divide the file", line)
-    if not rows:
-        raise ContentError(f"no line with a track, such as {_LINE}", _OTHERS)
-    numbers = np.array(rows, np.float64)
-    rate_hz = options.rate_hz or _frames_per_second(numbers, rates)
-    columns = {
-        name: pa.array(numbers[:, k], from_pandas=True) for k, name in enumerate(("frame", "id", "x", "y"))
-    }
-    return Table(pa.table(columns), "m", rate_hz)
+    lines = pd.read_json(path, lines=True, nrows=MOST_NUMBERS // 4 + 1, precise_float=True)
+    check_size(len(lines))
+    scenes, tracks = (pd.DataFrame([*lines.get(kind, pd.Series()).dropna()]) for kind in ("scene", "track"))
+    if missing := [name for name in _COLUMNS if name not in tracks]:
+        raise ContentError(f"no track has {missing[0]!r}", _OTHERS)
+    if "prediction_number" in tracks and tracks["prediction_number"].notna().any():
+        remedy = "Measure forecasts with: pedpred evaluate RECORDING --forecasts FILE"
+        raise ContentError("forecasts (prediction_number), but only detections are read", remedy)
+    rows = tracks[[*_COLUMNS]].rename(columns=_COLUMNS).astype(float)
+    rate_hz = options.rate_hz or _frames_per_second(rows, scenes)
+    return Table(pa.Table.from_pandas(rows, preserve_index=False), "m", rate_hz)
 
 
-def _frames_per_second(numbers: np.ndarray, rates: set[float]) -> float:
-    if len(rates) != 1 or not 0.0 < min(rates) < np.inf:
-        named = ", ".join(f"{rate:g}" for rate in sorted(rates)[:5]) or "none"
-        raise ContentError(f"fps of the scenes: {named}", "Give the frame rate: --rate")
-    placed = numbers[np.isfinite(numbers).all(axis=1)]
-    order = np.lexsort((placed[:, 0], placed[:, 1]))
-    steps = np.diff(placed[order, 0])[np.diff(placed[order, 1]) == 0]
-    usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
-    return usual * rates.pop()
-
-
-def rate_of(scene: Mapping[str, Any]) -> float:
-    """Frames per second of a scene; NaN where `fps` is null."""
-    return math.nan if scene["fps"] is None else float(scene["fps"])
-
-
-def json_lines(path: Path) -> Iterator[tuple[int, str, Mapping[str, Any]]]:
-    """Yield line number, `scene` or `track`, and the object under it; other lines are passed over.
-
-    Raises:
-        ContentError: a line is no such object.
-    """
-    for line, text in enumerate(read_lines(path), start=1):
-        if not text.strip():
-            continue
-        try:
-            content = parse_json(text, missing=True)
-        except (ValueError, RecursionError) as cause:
-            raise ContentError(f"{cause}"[:300], line=line) from cause
-        if not isinstance(content, dict):
-            raise _no_object(content, line)
-        for kind in ("scene", "track"):
-            if (inner := content.get(kind)) is not None:
-                if not isinstance(inner, dict):
-                    raise _no_object(inner, line)
-                yield line, kind, inner
-
-
-def _no_object(value: object, line: int) -> ContentError:
-    problem = f"{brief(value)} where an object is expected, as in {_LINE}"
-    return ContentError(problem, "Is this a file of TrajNet++?", line)
-
-
-def fields(content: Mapping[str, Any], names: tuple[str, ...], line: int) -> list[float]:
-    """The numbers under some names; NaN where a value is null.
-
-    Raises:
-        ContentError: one is missing, no number, or a pedestrian's or a frame's is not whole.
-    """
-    values = []
-    for name in names:
-        if name not in content:
-            raise ContentError(f"'{name}' is missing", line=line)
-        value = content[name]
-        if value is not None and type(value) not in (int, float):
-            raise ContentError(f"{name} = {brief(value)} is not a number", line=line)
-        number = math.nan if value is None else float(value)
-        if name not in ("x", "y") and not number.is_integer():
-            raise ContentError(f"{name} = {brief(value)}, must be a whole number", line=line)
-        values.append(number)
-    return values
+def _frames_per_second(rows: pd.DataFrame, scenes: pd.DataFrame) -> float:
+    rates_hz = scenes.get("fps", pd.Series(dtype=float)).unique()
+    if len(rates_hz) != 1 or not 0.0 < rates_hz[0] < float("inf"):
+        raise ContentError(f"fps of the scenes: {rates_hz[:5]}", "Give the frame rate: --rate")
+    steps = rows.dropna().sort_values(["id", "frame"]).groupby("id")["frame"].diff()
+    usual = steps[steps > 0].median()
+    return float(rates_hz[0]) * (1.0 if pd.isna(usual) else float(usual))

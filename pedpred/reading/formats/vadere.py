@@ -16,13 +16,20 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from pedpred.reading.errors import ContentError
+from pedpred.reading.errors import ContentError, row_error
 from pedpred.reading.head import Head
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.table import Table
-from pedpred.reading.text import BLANKS, TextForm, first_lines, numbers, read_columns, whole_numbers
+from pedpred.reading.text import (
+    BLANKS,
+    TextForm,
+    check_size,
+    finite_numbers,
+    first_lines,
+    read_columns,
+    whole_numbers,
+)
 from pedpred.scenes.scene import LATEST_S
-from pedpred.storage.tracks import MOST_NUMBERS
 
 NAME = "Vadere"
 _TITLES = ("pedestrianId", "simTime", "endTime", "startX", "startY", "endX", "endY")
@@ -47,39 +54,32 @@ def read(path: Path, options: ReadOptions) -> Table:
         problem = f"{titles.count(missing[0])} columns {missing[0]}; there are {', '.join(titles)[:200]}"
         raise ContentError(problem, "Write them with the FootStepProcessor")
     table = read_columns(path, TextForm(titles, BLANKS, skipped), {title: title for title in _TITLES}, ())
-    steps = {title: numbers(table[title], title, skipped) for title in _TITLES}
-    for title, values in steps.items():
-        if len(lost := np.flatnonzero(np.isnan(values))):
-            raise ContentError(f"{title} is missing", line=int(lost[0]) + skipped + 1)
-    if len(wrong := np.flatnonzero(steps["endTime"] < steps["simTime"])):
-        raise ContentError("endTime is before simTime", line=int(wrong[0]) + skipped + 1)
+    steps = {title: finite_numbers(table[title].to_numpy(), title, skipped) for title in _TITLES}
+    for row in np.flatnonzero(steps["endTime"] < steps["simTime"])[:1]:
+        raise row_error(row, skipped, "endTime is before simTime")
     if not (np.abs([steps["simTime"], steps["endTime"]]) < LATEST_S).all():
         raise ContentError("simTime or endTime is too large for seconds")
-    who = whole_numbers(steps["pedestrianId"], "pedestrianId", skipped)
     rate_hz = options.rate_hz or _USUAL_HZ
-    return Table(_detected(steps, who, rate_hz), "m", rate_hz)
+    who = whole_numbers(steps["pedestrianId"], "pedestrianId", skipped)
+    return Table(_interpolate(steps, who, rate_hz), "m", rate_hz)
 
 
-def _detected(steps: Mapping[str, np.ndarray], track_id: np.ndarray, rate_hz: float) -> pa.Table:
+def _interpolate(steps: Mapping[str, np.ndarray], track_id: np.ndarray, rate_hz: float) -> pa.Table:
     """Interpolate positions at whole multiples of the interval, from the first to the last footstep."""
     both = {"t": ("simTime", "endTime"), "x": ("startX", "endX"), "y": ("startY", "endY")}
     knots = {name: np.stack([steps[title] for title in pair], -1) for name, pair in both.items()}
-    parts: list[np.ndarray] = []
-    count = 0
+    parts, count = [np.zeros((4, 0))], 0
     for who in np.unique(track_id):
         own = np.flatnonzero(track_id == who)
         own = own[np.argsort(knots["t"][own, 0], kind="stable")]
         when, x, y = (knots[name][own].ravel() for name in "txy")
         first, last = np.ceil(when[0] * rate_hz - 1e-6), np.floor(when[-1] * rate_hz + 1e-6)
-        if (count := count + int(last - first + 1)) > MOST_NUMBERS // 4:
-            raise ContentError(f"more than {MOST_NUMBERS // 4} detections", "Say a lower --rate")
+        check_size(count := count + int(last - first + 1))
         frame = np.arange(first, last + 1)
         frame = frame[_is_known(frame / rate_hz, when, x, y)]
         place = [np.interp(frame / rate_hz, when, values) for values in (x, y)]
         parts.append(np.stack([frame, np.full(len(frame), who), *place]))
-    numbers = np.concatenate(parts, axis=1) if parts else np.zeros((4, 0))
-    columns = dict(zip(("frame", "id", "x", "y"), numbers, strict=True))
-    return pa.table({name: pa.array(values.copy()) for name, values in columns.items()})
+    return pa.table(dict(zip(("frame", "id", "x", "y"), np.concatenate(parts, axis=1), strict=True)))
 
 
 def _is_known(at: np.ndarray, when: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

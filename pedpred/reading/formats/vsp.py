@@ -21,8 +21,7 @@ from pedpred.reading.errors import ContentError
 from pedpred.reading.head import Head
 from pedpred.reading.options import PIXELS, ReadOptions
 from pedpred.reading.table import Table
-from pedpred.reading.text import read_lines
-from pedpred.storage.tracks import MOST_NUMBERS
+from pedpred.reading.text import check_size, read_lines
 
 NAME = "UCY splines"
 _BEGIN = re.compile(r"\s*\d+\s+- the number of splines\s*")
@@ -45,7 +44,7 @@ def read(path: Path, options: ReadOptions) -> Table:
     rate_hz = options.rate_hz or _USUAL_HZ
     every = max(1, round(_STEP_S * rate_hz))
     lines = _lines(path)
-    parts, rows = [], 0
+    parts, rows = [np.zeros((0, 4))], 0
     for who in range(_count(lines)):
         points = np.array([_numbers(lines, 4)[:3] for _ in range(_count(lines))]).reshape(-1, 3)
         _, first = np.unique(points[:, 2], return_index=True)
@@ -53,26 +52,25 @@ def read(path: Path, options: ReadOptions) -> Table:
         if not len(knots):
             continue
         begin, end = np.ceil(knots[0] / every), np.floor(knots[-1] / every) + 1
-        if 4 * (rows := rows + max(0, int(end - begin))) > MOST_NUMBERS:
-            raise ContentError(f"more than {MOST_NUMBERS // 4} detections", "Divide the file")
+        check_size(rows := rows + max(0, int(end - begin)))
         frame = np.arange(begin, end) * every
-        place = (
-            CubicSpline(knots, np.stack([x, -y], -1))(frame) if len(knots) > 1 else np.array([[x[0], -y[0]]])
-        )
+        place = np.stack([x, -y], -1)
+        if len(knots) > 1:
+            place = CubicSpline(knots, place)(frame)
         parts.append(np.column_stack([frame, np.full(len(frame), who), place[: len(frame)]]))
-    numbers = np.concatenate([np.zeros((0, 4)), *parts])
-    columns = {name: numbers[:, k].copy() for k, name in enumerate(("frame", "id", "x", "y"))}
+    columns = dict(zip(("frame", "id", "x", "y"), np.concatenate(parts).T.copy(), strict=True))
     return Table(pa.table(columns), PIXELS, rate_hz)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Line numbers and the numbers of lines, without the comments after ` - `."""
+    """Line numbers and the fields of lines, without the comments after ` - `."""
     for number, line in enumerate(read_lines(path), start=1):
         if line.strip():
             yield number, re.split(r"\s-\s", line)[0].split()
 
 
 def _numbers(lines: Iterator[tuple[int, list[str]]], count: int) -> list[float]:
+    """The numbers of the next line."""
     number, fields = next(lines, (None, []))
     try:
         values = [float(field) for field in fields]
@@ -85,7 +83,7 @@ def _numbers(lines: Iterator[tuple[int, list[str]]], count: int) -> list[float]:
 
 
 def _count(lines: Iterator[tuple[int, list[str]]]) -> int:
-    value = _numbers(lines, 1)[0]
-    if not 0 <= value <= MOST_NUMBERS:
-        raise ContentError(f"{value:g} is no number of splines or control points")
-    return int(value)
+    """The number of splines, or of control points, in the next line."""
+    count = int(_numbers(lines, 1)[0])
+    check_size(count)
+    return count

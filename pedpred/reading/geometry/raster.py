@@ -13,7 +13,7 @@ from pedpred.scenes import OccupancyMap
 
 _MOST_CELLS = 2**24
 _BESIDE_M = 0.001  # how far from an open end it is asked which side of it is inside
-_BLOCK_LINES = 1000
+_MOST_LINE_CELLS = 2**21
 _TOUCH = 1e-6  # a line this close to a cell, in cells, is in it
 _DOOR_ASIDE_M = 0.01  # a door this far from a wall still lies in it
 _MOST_CUTS = 100_000
@@ -111,7 +111,7 @@ def _beyond(walls: Geometry, edge: np.ndarray, length_m: float) -> np.ndarray:
 def _block_lines(free: np.ndarray, lines: np.ndarray) -> None:
     """Block every cell that a line touches, so that a wall has no hole at a corner of a cell.
 
-    A line between two cells blocks both. Shapely has no such rule: it would have to intersect every cell.
+    A line between two cells blocks both.
 
     Args:
         free: changed in place. [X, Y]
@@ -121,32 +121,18 @@ def _block_lines(free: np.ndarray, lines: np.ndarray) -> None:
         ValueRuleError: the lines would touch an absurd number of cells.
     """
     cells = np.abs(np.diff(lines, axis=1)).sum()
-    if not cells <= _MOST_CELLS:
-        raise ValueRuleError("walls [cells]", float(cells), f"they may be at most {_MOST_CELLS} cells long")
-    for block in np.array_split(lines, 1 + len(lines) // _BLOCK_LINES):
-        steep = np.abs(block[:, 1, 1] - block[:, 0, 1]) > np.abs(block[:, 1, 0] - block[:, 0, 0])
-        for grid, ours in ((free, block[~steep]), (free.T, block[steep][..., ::-1])):
-            _block_flat_lines(grid, ours)
-
-
-def _block_flat_lines(free: np.ndarray, lines: np.ndarray) -> None:
-    """Block what lines touch that run along columns rather than rows; arguments as in `_block_lines`."""
-    backwards = lines[:, 0, 0] > lines[:, 1, 0]
-    start, end = np.where(backwards[:, None, None], lines[:, ::-1], lines).transpose(1, 2, 0)
-    first = np.maximum(np.floor(start[0] - _TOUCH), 0).astype(int)
-    last = np.minimum(np.floor(end[0] + _TOUCH), len(free) - 1).astype(int)
-    count = np.maximum(last - first + 1, 0)
-    owner = np.repeat(np.arange(len(lines)), count)
-    columns = np.arange(len(owner)) + (first - np.cumsum(count) + count)[owner]
-    run = end[0] - start[0]
-    slope = ((end[1] - start[1]) / np.where(run == 0, 1.0, run))[owner]
-    sides = [np.clip(columns + side, start[0][owner], end[0][owner]) - start[0][owner] for side in (0, 1)]
-    heights = start[1][owner] + slope * np.array(sides)
-    low, high = (np.floor(heights.min(axis=0) - _TOUCH), np.floor(heights.max(axis=0) + _TOUCH))
-    for step in range(int((high - low).max(initial=-1)) + 1):
-        rows = np.minimum(low + step, high).astype(int)
-        inside = (rows >= 0) & (rows < free.shape[1])
-        free[columns[inside], rows[inside]] = False
+    if not cells <= _MOST_LINE_CELLS:
+        raise ValueRuleError(
+            "walls [cells]", float(cells), f"they may be at most {_MOST_LINE_CELLS} cells long"
+        )
+    around = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), axis=-1).reshape(-1, 2)
+    for start, end in lines:
+        points = np.linspace(start, end, 2 + int(np.abs(end - start).max()))
+        near = np.unique((np.floor(points)[:, None] + around).reshape(-1, 2).astype(int), axis=0)
+        near = near[((near >= 0) & (near < free.shape)).all(axis=-1)]
+        boxes = shapely.box(*near.T, *(near.T + 1))
+        touched = near[shapely.dwithin(boxes, shapely.LineString([start, end]), _TOUCH)]
+        free[tuple(touched.T)] = False
 
 
 def cut_doors(lines: np.ndarray, doors: np.ndarray, needed: bool = False) -> np.ndarray:

@@ -22,6 +22,7 @@ from pedpred.reading.head import UTF_16
 _FARTHEST_M = 1e8  # surveyors' coordinates stay below
 _LARGEST_BYTES = 2**22
 _DEEPEST = 16  # brackets; GEOS parses each level within the one before
+_BETWEEN = " \t\r\n;,"
 _REMEDY = "Write the ground as POLYGON, MULTIPOLYGON or a GEOMETRYCOLLECTION of these, walls as LINESTRING"
 
 
@@ -42,41 +43,39 @@ def parse_wkt(text: str) -> Geometry:
     if len(text) > _LARGEST_BYTES:
         raise ContentError(f"a geometry of {len(text)} characters, at most {_LARGEST_BYTES} are read")
     try:
-        parts = [part for one in _geometries(text) for part in _parts(one)]
+        with np.errstate(all="ignore"):
+            parts = [part for one in _split(text) for part in _parts(shapely.from_wkt(one))]
     except (shapely.GEOSException, ValueError) as cause:
         raise ContentError(f"{type(cause).__name__}: {cause}"[:300], _REMEDY) from cause
+    if not parts:
+        raise ContentError("the geometry is empty", _REMEDY)
     if not (np.abs(shapely.get_coordinates(parts)) <= _FARTHEST_M).all():
         problem = f"a coordinate is not a number or farther than {_FARTHEST_M:g} from the origin"
         raise ContentError(problem, _REMEDY)
-    polygons = [part for part in parts if isinstance(part, shapely.Polygon)]
-    lines = [np.array(part.coords)[:, :2] for part in parts if not isinstance(part, shapely.Polygon)]
-    if not parts:
-        raise ContentError("the geometry is empty", _REMEDY)
+    ground = [_without_holes(part) for part in parts if isinstance(part, shapely.Polygon)]
+    lines = [shapely.get_coordinates(part) for part in parts if not isinstance(part, shapely.Polygon)]
     segments = [np.stack([line[:-1], line[1:]], axis=1) for line in lines]
-    ground = tuple(sound for polygon in polygons for sound in _sound(polygon))
-    return Geometry(ground, (), np.concatenate([np.zeros((0, 2, 2)), *segments]))
+    polygons = [part for part in shapely.get_parts(ground) if isinstance(part, shapely.Polygon)]
+    return Geometry(tuple(polygons), (), np.concatenate([np.zeros((0, 2, 2)), *segments]))
 
 
-def _geometries(text: str) -> Iterator[shapely.Geometry]:
-    """Parse geometries that follow each other; brackets are counted first, since GEOS does not."""
+def _split(text: str) -> Iterator[str]:
+    """Divide geometries that follow each other; brackets are counted first, since GEOS does not."""
     depth, start = 0, 0
     for at, sign in enumerate(text):
         depth += (sign == "(") - (sign == ")")
         if depth > _DEEPEST:
             raise ValueError(f"brackets more than {_DEEPEST} deep")
         if sign == ")" and depth == 0:
-            yield _parsed(text[start : at + 1])
+            yield _strip(text[start : at + 1])
             start = at + 1
-    if rest := text[start:].strip(" \t\r\n;,"):
-        yield _parsed(rest)
+    if rest := _strip(text[start:]):
+        yield rest
 
 
-def _parsed(text: str) -> shapely.Geometry:
-    text = text.strip(" \t\r\n;,")
-    if text.upper().startswith("SRID="):
-        text = text.partition(";")[2]
-    with np.errstate(all="ignore"):
-        return shapely.from_wkt(text)
+def _strip(text: str) -> str:
+    text = text.strip(_BETWEEN)
+    return text.partition(";")[2] if text.upper().startswith("SRID=") else text
 
 
 def _parts(geometry: shapely.Geometry) -> Iterator[shapely.Geometry]:
@@ -84,18 +83,17 @@ def _parts(geometry: shapely.Geometry) -> Iterator[shapely.Geometry]:
     if isinstance(geometry, shapely.Polygon | shapely.LineString):
         if not geometry.is_empty:
             yield geometry
-    elif hasattr(geometry, "geoms") and not isinstance(geometry, shapely.MultiPoint):
+    elif isinstance(geometry, shapely.GeometryCollection | shapely.MultiPolygon | shapely.MultiLineString):
         for part in geometry.geoms:
             yield from _parts(part)
     else:
         raise ValueError(f"a {geometry.geom_type}, which is neither ground nor a wall")
 
 
-def _sound(polygon: shapely.Polygon) -> Iterator[shapely.Polygon]:
-    """The ground of a polygon without its holes, also where holes overlap each other or its outline."""
+def _without_holes(polygon: shapely.Polygon) -> shapely.Geometry:
+    """The ground of a polygon, also where holes overlap each other or its outline."""
     if polygon.is_valid:
-        yield shapely.force_2d(polygon)
-        return
-    holes = shapely.make_valid([shapely.Polygon(ring) for ring in polygon.interiors])
-    ground = shapely.make_valid(shapely.Polygon(polygon.exterior)).difference(shapely.union_all(holes))
-    yield from (each for each in shapely.get_parts(ground) if isinstance(each, shapely.Polygon))
+        return shapely.force_2d(polygon)
+    holes = [shapely.make_valid(shapely.Polygon(ring)) for ring in polygon.interiors]
+    ground = shapely.make_valid(shapely.Polygon(polygon.exterior))
+    return shapely.difference(ground, shapely.union_all(holes))

@@ -8,9 +8,9 @@ from typing import Annotated
 import numpy as np
 
 from pedpred.settings import In, Range, Settings
-from pedpred.simulation.worlds.drawing import uniform
+from pedpred.simulation.worlds.drawing import uniform, whole_number
 from pedpred.simulation.worlds.floors import Area, Floor, ground_cells, paint_rectangle
-from pedpred.simulation.worlds.journeys import Stage
+from pedpred.simulation.worlds.journeys import WorldSetup
 from pedpred.simulation.worlds.streams import StreamSettings, draw_streams
 
 _SIDE_M = 1.0  # thickness of the walls beside the hall
@@ -51,7 +51,7 @@ def draw_bottleneck(settings: BottleneckSettings, rng: np.random.Generator) -> F
     right = left + uniform(rng, settings.wall_m)
     paint_rectangle(free, (left, 0.0), (right, high + _SIDE_M), False)
     narrow_m = 0.0
-    for _ in range(int(rng.integers(1, 3)) if width_m > settings.two_from_m else 1):
+    for _ in range(whole_number(rng, (1, 2)) if width_m > settings.two_from_m else 1):
         least, most = settings.opening_m
         opening_m = uniform(rng, (least, max(least, min(most, 0.8 * width_m))))
         centred = rng.random() < settings.centred_share
@@ -63,7 +63,9 @@ def draw_bottleneck(settings: BottleneckSettings, rng: np.random.Generator) -> F
     return Floor(free, entrances, width_m, narrow_m)
 
 
-def set_up_bottleneck(settings: BottleneckSettings, duration_s: float, rng: np.random.Generator) -> Stage:
+def set_up_bottleneck(
+    settings: BottleneckSettings, duration_s: float, rng: np.random.Generator
+) -> WorldSetup:
     """Draw a hall with a bottleneck and its people during some time (with the warm-up)."""
     floor = draw_bottleneck(settings, rng)
-    return Stage(floor, draw_streams(floor, settings.streams, duration_s, rng), whole_map=False)
+    return WorldSetup(floor, draw_streams(floor, settings.streams, duration_s, rng), whole_map=False)

@@ -15,9 +15,10 @@ from pedpred.simulation.worlds.drawing import (
     draw_name,
     log_uniform,
     uniform,
+    whole_number,
 )
 from pedpred.simulation.worlds.floors import CELL_M, Area, Floor, ground_cells, paint_disc, paint_rectangle
-from pedpred.simulation.worlds.journeys import Stage
+from pedpred.simulation.worlds.journeys import WorldSetup
 from pedpred.simulation.worlds.streams import StreamSettings, draw_streams
 
 _ENTRANCE_M = 3.5  # length of the part of an arm where people come in
@@ -92,10 +93,10 @@ def draw_corridor(settings: CorridorSettings, rng: np.random.Generator) -> Floor
     return Floor(free, tuple(ends.values()), width_m, width_m, form == "cross")
 
 
-def set_up_corridor(settings: CorridorSettings, duration_s: float, rng: np.random.Generator) -> Stage:
+def set_up_corridor(settings: CorridorSettings, duration_s: float, rng: np.random.Generator) -> WorldSetup:
     """Draw a corridor and its people during some time (with the warm-up)."""
     floor = draw_corridor(settings, rng)
-    return Stage(floor, draw_streams(floor, settings.streams, duration_s, rng), whole_map=False)
+    return WorldSetup(floor, draw_streams(floor, settings.streams, duration_s, rng), whole_map=False)
 
 
 def _width(settings: CorridorSettings, rng: np.random.Generator) -> float:
@@ -136,8 +137,7 @@ def _with_obstacles(
     free: np.ndarray, center: np.ndarray, arm_m: float, settings: CorridorSettings, rng: np.random.Generator
 ) -> np.ndarray:
     """Place small discs in the arms where they leave a way past. [X, Y] bool."""
-    least, most = settings.obstacles
-    for _ in range(rng.integers(least, most + 1)):
+    for _ in range(whole_number(rng, settings.obstacles)):
         along = np.array([1.0, 0.0] if rng.random() < 0.5 else [0.0, 1.0])
         place = center + rng.uniform(-arm_m, arm_m) * along + rng.uniform(-1.0, 1.0, 2)
         tried = free.copy()

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
-from typing import Any
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.settings import Range
+from pedpred.settings import In, Range, Settings
 
 
 def uniform(rng: np.random.Generator, limits: Range) -> float:
@@ -20,6 +20,32 @@ def uniform(rng: np.random.Generator, limits: Range) -> float:
 def log_uniform(rng: np.random.Generator, limits: Range) -> float:
     """Draw a number whose logarithm is uniform; both limits are positive."""
     return math.exp(rng.uniform(math.log(limits[0]), math.log(limits[1])))
+
+
+def whole_number(rng: np.random.Generator, limits: tuple[int, int]) -> int:
+    """Draw a whole number; both limits are possible."""
+    return int(rng.integers(limits[0], limits[1] + 1))
+
+
+class Uniform(In):
+    """Limits of a range from which `draw_fields` draws uniformly."""
+
+
+class LogUniform(In):
+    """Limits of a range from which `draw_fields` draws a number whose logarithm is uniform."""
+
+
+_LAWS: dict[type, Callable[[np.random.Generator, Range], float]] = {Uniform: uniform, LogUniform: log_uniform}
+
+
+def draw_fields(settings: Settings, rng: np.random.Generator) -> dict[str, float]:
+    """Draw a number from each range whose annotation has a law, in the order of the fields."""
+    drawn = {}
+    for name, hint in get_type_hints(type(settings), include_extras=True).items():
+        for rule in get_args(hint)[1:]:
+            if type(rule) in _LAWS:
+                drawn[name] = _LAWS[type(rule)](rng, getattr(settings, name))
+    return drawn
 
 
 def draw_name(rng: np.random.Generator, shares: Mapping[str, float]) -> str:

@@ -8,14 +8,18 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from pedpred.settings import In, Range, Settings
-from pedpred.simulation.worlds.drawing import log_uniform, uniform
+from pedpred.simulation.worlds.drawing import LogUniform, Uniform, draw_fields
 
 
-class WalkingModel(NamedTuple):
-    """Parameters of `walking.walk`, equal for all people of a world; the equations are there.
+@dataclass(frozen=True)
+class ModelSettings(Settings):
+    """Ranges of the parameters of `WalkingModel`, each with its law, and shares of the models.
 
     Attributes:
-        collision_free: whether the collision-free speed model is used instead of social forces.
+        collision_free_share: share of the sparse worlds with the collision-free speed model.
+        dense_collision_free_share: share of the dense worlds with it.
+        published_share: share of the worlds with social forces that have the parameters of Helbing &
+            Molnar 1995.
         strength: V0 of pedestrian repulsion, m^2/s^2.
         range_m: sigma of pedestrian repulsion.
         anticipation_s: of the strides of others.
@@ -30,9 +34,37 @@ class WalkingModel(NamedTuple):
         wander_rad: standard deviation of the direction.
         wander_s: its correlation time.
         unsteady: standard deviation of the desired speed over time, as a share of it.
+    """
+
+    collision_free_share: Annotated[float, In("[0, 1]")]
+    dense_collision_free_share: Annotated[float, In("[0, 1]")]
+    published_share: Annotated[float, In("[0, 1]")]
+    strength: Annotated[Range, LogUniform("(0, 1000]")]
+    range_m: Annotated[Range, LogUniform("(0, 1000]")]
+    anticipation_s: Annotated[Range, Uniform("[0, 1000]")]
+    border_strength: Annotated[Range, LogUniform("(0, 1000]")]
+    border_range_m: Annotated[Range, LogUniform("(0, 1000]")]
+    unseen_weight: Annotated[Range, Uniform("[0, 1]")]
+    direction_push: Annotated[Range, Uniform("[0, 1000]")]
+    direction_range_m: Annotated[Range, Uniform("(0, 1000]")]
+    wall_push: Annotated[Range, Uniform("[0, 1000]")]
+    wall_range_m: Annotated[Range, Uniform("(0, 1000]")]
+    noise_mps2: Annotated[Range, Uniform("[0, 1000]")]
+    wander_rad: Annotated[Range, LogUniform("(0, 1000]")]
+    wander_s: Annotated[Range, Uniform("(0, 1000]")]
+    unsteady: Annotated[Range, LogUniform("(0, 0.5]")]
+
+
+class WalkingModel(NamedTuple):
+    """Parameters of `walking.walk`, equal for all people of a world; the equations are there.
+
+    Attributes:
+        collision_free: whether the collision-free speed model is used instead of social forces.
         spacing_m: least distance to others when somebody appears.
         reach_m: distance at which a target counts as reached.
         leave: whether people leave at their last target.
+
+    The others are drawn from the ranges of `ModelSettings`.
     """
 
     collision_free: bool
@@ -55,48 +87,14 @@ class WalkingModel(NamedTuple):
     leave: bool
 
 
-@dataclass(frozen=True)
-class ModelSettings(Settings):
-    """Ranges of the parameters of `WalkingModel`, and shares of the models.
-
-    Attributes:
-        collision_free_share: share of the sparse worlds with the collision-free speed model.
-        dense_collision_free_share: share of the dense worlds with it.
-        published_share: share of the worlds with social forces that have the parameters of Helbing &
-            Molnar 1995.
-        strength: log-uniform, as are the ranges, m^2/s^2.
-        range_m: of pedestrian repulsion.
-        anticipation_s: of the strides of others.
-        border_strength: log-uniform, m^2/s^2.
-        border_range_m: log-uniform.
-        unseen_weight: of people behind.
-        direction_push: of others on the direction.
-        direction_range_m: of this push.
-        wall_push: of walls on the direction.
-        wall_range_m: of this push.
-        noise_mps2: random acceleration.
-        wander_rad: deviation of the direction; log-uniform.
-        wander_s: its correlation time.
-        unsteady: deviation of the speed, as a share; log-uniform.
-    """
-
-    collision_free_share: Annotated[float, In("[0, 1]")]
-    dense_collision_free_share: Annotated[float, In("[0, 1]")]
-    published_share: Annotated[float, In("[0, 1]")]
-    strength: Annotated[Range, In("(0, 1000]")]
-    range_m: Annotated[Range, In("(0, 1000]")]
-    anticipation_s: Annotated[Range, In("[0, 1000]")]
-    border_strength: Annotated[Range, In("(0, 1000]")]
-    border_range_m: Annotated[Range, In("(0, 1000]")]
-    unseen_weight: Annotated[Range, In("[0, 1]")]
-    direction_push: Annotated[Range, In("[0, 1000]")]
-    direction_range_m: Annotated[Range, In("(0, 1000]")]
-    wall_push: Annotated[Range, In("[0, 1000]")]
-    wall_range_m: Annotated[Range, In("(0, 1000]")]
-    noise_mps2: Annotated[Range, In("[0, 1000]")]
-    wander_rad: Annotated[Range, In("(0, 1000]")]
-    wander_s: Annotated[Range, In("(0, 1000]")]
-    unsteady: Annotated[Range, In("(0, 0.5]")]
+_PUBLISHED = {
+    "strength": 2.1,
+    "range_m": 0.3,
+    "anticipation_s": 0.5,
+    "border_strength": 10.0,
+    "border_range_m": 0.2,
+}
+"""Of Helbing & Molnar 1995."""
 
 
 def draw_model(
@@ -109,28 +107,7 @@ def draw_model(
 ) -> WalkingModel:
     """Draw the model of a world; the last three parameters of `WalkingModel` are given."""
     share = settings.dense_collision_free_share if dense else settings.collision_free_share
-    model = WalkingModel(
-        collision_free=bool(rng.random() < share),
-        strength=log_uniform(rng, settings.strength),
-        range_m=log_uniform(rng, settings.range_m),
-        anticipation_s=uniform(rng, settings.anticipation_s),
-        border_strength=log_uniform(rng, settings.border_strength),
-        border_range_m=log_uniform(rng, settings.border_range_m),
-        unseen_weight=uniform(rng, settings.unseen_weight),
-        direction_push=uniform(rng, settings.direction_push),
-        direction_range_m=uniform(rng, settings.direction_range_m),
-        wall_push=uniform(rng, settings.wall_push),
-        wall_range_m=uniform(rng, settings.wall_range_m),
-        noise_mps2=uniform(rng, settings.noise_mps2),
-        wander_rad=log_uniform(rng, settings.wander_rad),
-        wander_s=uniform(rng, settings.wander_s),
-        unsteady=log_uniform(rng, settings.unsteady),
-        spacing_m=spacing_m,
-        reach_m=reach_m,
-        leave=leave,
-    )
+    collision_free, drawn = bool(rng.random() < share), draw_fields(settings, rng)
     if rng.random() < settings.published_share:
-        return model._replace(
-            strength=2.1, range_m=0.3, anticipation_s=0.5, border_strength=10.0, border_range_m=0.2
-        )
-    return model
+        drawn |= _PUBLISHED
+    return WalkingModel(collision_free, **drawn, spacing_m=spacing_m, reach_m=reach_m, leave=leave)

@@ -11,7 +11,7 @@ from pedpred.settings import In, Range, Settings
 from pedpred.simulation.clutter import ClutterSettings, draw_cluttered_room
 from pedpred.simulation.worlds.drawing import uniform
 from pedpred.simulation.worlds.floors import Floor
-from pedpred.simulation.worlds.journeys import Stage
+from pedpred.simulation.worlds.journeys import WorldSetup
 from pedpred.simulation.worlds.visits import VisitSettings, draw_visits
 
 
@@ -49,9 +49,9 @@ def draw_room(settings: RoomSettings, rng: np.random.Generator) -> Floor:
     return Floor(~draw_cluttered_room(replace(settings.clutter, side_m=sides), rng).occupancy().occupied)
 
 
-def set_up_room(settings: RoomSettings, duration_s: float, rng: np.random.Generator) -> Stage:
+def set_up_room(settings: RoomSettings, duration_s: float, rng: np.random.Generator) -> WorldSetup:
     """Draw a room and its people during some time (with the warm-up)."""
     floor = draw_room(settings, rng)
     visitors = draw_visits(floor, settings.visits, duration_s, rng)
     closed_m = uniform(rng, settings.closed_m) if rng.random() < settings.closed_share else 0.0
-    return Stage(floor, visitors, whole_map=True, closed_m=closed_m)
+    return WorldSetup(floor, visitors, whole_map=True, closed_m=closed_m)

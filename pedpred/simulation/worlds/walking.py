@@ -24,7 +24,7 @@ import numpy as np
 
 from pedpred.compiled import compiled
 from pedpred.simulation.ground import Ground
-from pedpred.simulation.kernel import border, way
+from pedpred.simulation.physics import SMALLEST_AXIS_M, border, ellipse_axis, way
 from pedpred.simulation.routing import Routes
 from pedpred.simulation.worlds.journeys import Journeys
 from pedpred.simulation.worlds.models import WalkingModel
@@ -148,9 +148,9 @@ def _push(n, m, x, y, d, state, traits, model):
     stride = model.anticipation_s * math.hypot(state.velocity[m, 0], state.velocity[m, 1])
     a_x, a_y = x - stride * state.desired[m, 0], y - stride * state.desired[m, 1]
     there = math.hypot(a_x, a_y)
-    axis = 0.5 * math.sqrt(max((d + there) ** 2 - stride**2, 4e-6))
+    axis = ellipse_axis(d, there, stride**2)
     push = model.strength / model.range_m * math.exp(-axis / model.range_m) * (d + there) / (4 * axis)
-    there = max(there, 1e-3)
+    there = max(there, SMALLEST_AXIS_M)
     f_x, f_y = push * (x / d + a_x / there), push * (y / d + a_y / there)
     if -(e_x * f_x + e_y * f_y) < math.hypot(f_x, f_y) * _SIGHT_COSINE:
         f_x, f_y = f_x * model.unseen_weight, f_y * model.unseen_weight

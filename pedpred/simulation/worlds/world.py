@@ -4,40 +4,45 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from pedpred.simulation.arrangements import Arrangement, simulate_arrangement
 from pedpred.simulation.crowd import Clock
 from pedpred.simulation.ground import Ground, ground_of
 from pedpred.simulation.routing import Routes, routes_to
 from pedpred.simulation.settings import RoutingSettings
-from pedpred.simulation.worlds.bottlenecks import BottleneckSettings, set_up_bottleneck
-from pedpred.simulation.worlds.corridors import CorridorSettings, set_up_corridor
-from pedpred.simulation.worlds.drawing import uniform
+from pedpred.simulation.worlds.bottlenecks import set_up_bottleneck
+from pedpred.simulation.worlds.corridors import set_up_corridor
+from pedpred.simulation.worlds.drawing import draw_fields
 from pedpred.simulation.worlds.floors import CELL_M, close_openings, show_on_map
-from pedpred.simulation.worlds.journeys import Stage, State
-from pedpred.simulation.worlds.lone import LoneSettings, simulate_lone_people
+from pedpred.simulation.worlds.journeys import State, WorldSetup
+from pedpred.simulation.worlds.lone import simulate_lone_people
 from pedpred.simulation.worlds.models import draw_model
 from pedpred.simulation.worlds.people import draw_traits
-from pedpred.simulation.worlds.rooms import RoomSettings, set_up_room
+from pedpred.simulation.worlds.rooms import set_up_room
 from pedpred.simulation.worlds.settings import GuidanceSettings, WorldSettings
-from pedpred.simulation.worlds.squares import SquareSettings, set_up_square
+from pedpred.simulation.worlds.squares import set_up_square
 from pedpred.simulation.worlds.walking import FixedWorld, walk
 
 STEP_S = 0.05
 RECORD_S = 0.1
-_SET_UP: dict[str, Callable[[Any, float, np.random.Generator], Stage]] = {
+_SET_UP: dict[str, Callable[[Any, float, np.random.Generator], WorldSetup]] = {
     "corridor": set_up_corridor,
     "bottleneck": set_up_bottleneck,
     "room": set_up_room,
     "square": set_up_square,
 }
 """What draws ground and people of a kind, from the settings of the kind and the simulated time."""
+_LONE = "lone"  # people far from each other, on ground without obstacles
+
+DRAWN_KINDS = (*_SET_UP, _LONE)
+"""Kinds that `simulate_world` draws from conf/worlds."""
+KINDS = (*DRAWN_KINDS, "arrangement")
+"""All kinds. An arrangement is a drawn layout or a random room of conf/simulations, such as the paper's
+corridor and rooms; `simulation.kernel` moves its people. `worlds.walking` moves those of the other kinds."""
 
 
 def simulate_world(kind: str, seed: int, settings: WorldSettings) -> Scene:
@@ -59,8 +64,12 @@ def simulate_world(kind: str, seed: int, settings: WorldSettings) -> Scene:
     """
     if kind not in DRAWN_KINDS:
         raise ValueRuleError("kind", kind, f"it must be one of {', '.join(DRAWN_KINDS)}")
-    rng = np.random.default_rng([settings.seed, zlib.crc32(kind.encode()), seed])
-    return KINDS[kind].simulate(getattr(settings, kind), settings, f"{kind}_{seed}", rng)
+    rng, name = np.random.default_rng([settings.seed, zlib.crc32(kind.encode()), seed]), f"{kind}_{seed}"
+    if kind == _LONE:
+        return simulate_lone_people(settings.lone, RECORD_S, name, rng)
+    occupancy, world = draw_visited_world(kind, settings, rng)
+    duration_s = getattr(settings, kind).duration_s
+    return Scene(name, record_walking(world, settings.warm_up_s, duration_s, rng), occupancy, RECORD_S)
 
 
 def draw_visited_world(
@@ -89,28 +98,12 @@ def draw_visited_world(
     return OccupancyMap(occupied, np.zeros(2), CELL_M), world
 
 
-def _simulate_visitors(
-    kind: str, ranges: Any, settings: WorldSettings, name: str, rng: np.random.Generator
-) -> Scene:
-    occupancy, world = draw_visited_world(kind, settings, rng)
-    return Scene(name, record_walking(world, settings.warm_up_s, ranges.duration_s, rng), occupancy, RECORD_S)
-
-
-def _simulate_lone(ranges: LoneSettings, _: WorldSettings, name: str, rng: np.random.Generator) -> Scene:
-    return simulate_lone_people(ranges, RECORD_S, name, rng)
-
-
 def draw_routes(
     free: np.ndarray, target: np.ndarray, settings: GuidanceSettings, rng: np.random.Generator
 ) -> tuple[Ground, Routes]:
     """Compute obstacles, and routes to the targets; on ground without obstacles they are straight."""
     ground = ground_of(OccupancyMap(~free, np.zeros(2), CELL_M))
-    routing = RoutingSettings(
-        settings.resolution_m,
-        uniform(rng, settings.narrow_m),
-        uniform(rng, settings.comfortable_m),
-        uniform(rng, settings.slowest),
-    )
+    routing = RoutingSettings(settings.resolution_m, **draw_fields(settings, rng))
     if not free.all():
         return ground, routes_to(target, ground, routing)
     nowhere = np.zeros((len(target), 2, 2, 2), dtype=np.float32)  # the kernel then walks straight
@@ -143,31 +136,3 @@ def record_walking(
         desired_speed_mps=world.traits.desired_speed[person],
         group_id=journeys.group[person],
     )
-
-
-class Kind(NamedTuple):
-    """A kind of simulated world.
-
-    Attributes:
-        settings: class of what is peculiar to the kind.
-        simulate: makes a scene of these settings and of how people walk: for a drawn kind
-            (settings, `WorldSettings`, name, rng), for an arrangement (arrangement, `SocialForceSettings`).
-    """
-
-    settings: type
-    simulate: Callable[..., Scene]
-
-
-KINDS: dict[str, Kind] = {
-    "corridor": Kind(CorridorSettings, partial(_simulate_visitors, "corridor")),
-    "bottleneck": Kind(BottleneckSettings, partial(_simulate_visitors, "bottleneck")),
-    "room": Kind(RoomSettings, partial(_simulate_visitors, "room")),
-    "square": Kind(SquareSettings, partial(_simulate_visitors, "square")),
-    "lone": Kind(LoneSettings, _simulate_lone),
-    "arrangement": Kind(Arrangement, simulate_arrangement),
-}
-"""All kinds. An arrangement is a drawn layout or a random room of conf/simulations, such as the paper's
-corridor and rooms; `simulation.kernel` moves its people. `worlds.walking` moves those of the other kinds."""
-
-DRAWN_KINDS = tuple(kind for kind in KINDS if kind != "arrangement")
-"""Kinds that `simulate_world` draws from conf/worlds."""

@@ -1,0 +1,319 @@
+"""State of the ROS node: its map, diagnostics, parameters, file of the place and log."""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pedpred.errors import PedpredError, ValueRuleError
+from pedpred.ros.message_types import UPDATE_TYPE, known_types, serialize
+from pedpred.ros.scene_messages import header
+from pedpred.ros2.counts import Counts
+from pedpred.ros2.diagnostics import (
+    DIAGNOSTICS_TYPE,
+    OK,
+    WARN,
+    Latencies,
+    diagnose,
+    diagnostics_content,
+    status_values,
+)
+from pedpred.ros2.log import RosHandler, guarded
+from pedpred.ros2.settings import LIVE, PARAMETERS, NodeSettings, unchangeable
+from tests.bags import PEOPLE
+from tests.following import answered, follower_of, grid, people
+
+BOXES = "vision_msgs/msg/Detection3DArray"
+
+
+# The map
+
+
+def update(x, y, values, frame="map"):
+    height, width = np.shape(values)
+    content = {"header": header(0, frame), "data": np.asarray(values, np.int8).ravel()}
+    return serialize(UPDATE_TYPE, content | {"x": x, "y": y, "width": width, "height": height})
+
+
+def test_a_map_in_another_frame_begins_anew(caplog):
+    caplog.set_level("INFO", "pedpred.ros2.follower")
+    follower = follower_of(use_map=True)
+    answered(follower, people(1.0, anna=(1.0, 0.0)))
+    assert any("use_map" in text for text in caplog.messages)
+    caplog.clear()
+    for _ in range(2):
+        follower.take_map(grid(np.full((5, 4), 100), frame="world"))
+    assert len(caplog.records) == 2  # another frame, and a new map
+    published = answered(follower, people(1.1, "world", anna=(1.0, 0.0)))
+    assert published["predictions"]["header"]["frame_id"] == "world"
+    assert follower.map.text == "4 x 5 cells, 100.0 % blocked"
+
+
+def test_a_map_without_a_frame_is_where_forecasts_are():
+    follower = follower_of(use_map=True, map_frame="/hall")
+    follower.take_map(grid(np.full((5, 4), 100), frame=""))
+    published = answered(follower, people(1.0, "hall", anna=(1.0, 0.0)))
+    assert published["predictions"]["header"]["frame_id"] == "hall"
+    assert follower.map.occupancy is not None
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.5])
+def test_an_update_changes_its_cells_of_the_map_and_no_others(yaw_rad):
+    """As if the map had come whole, also where it is turned; one that does not fit changes nothing."""
+    cells, part = np.zeros((6, 8), np.int8), np.full((2, 3), 100)
+    follower, plain = follower_of(use_map=True), follower_of(use_map=True)
+    follower.take_map_update(update(0, 0, part))
+    assert follower.map.occupancy is None
+    follower.take_map(grid(cells, yaw_rad))
+    follower.take_map_update(update(4, 1, part))
+    cells[1:3, 4:7] = 100
+    plain.take_map(grid(cells, yaw_rad))
+    expected = plain.map.occupancy.occupied
+    np.testing.assert_array_equal(follower.map.occupancy.occupied, expected)
+    wrong = update(6, 1, part), update(0, 5, part), update(-1, 0, part), update(0, 0, part, "odom")
+    for odd in (*wrong, update(0, 0, 0 * part - 100)):
+        with pytest.raises(ValueRuleError):
+            follower.take_map_update(odd)
+    np.testing.assert_array_equal(follower.map.occupancy.occupied, expected)
+    before = follower.map.occupancy
+    follower.take_map_update(update(4, 1, part - 1))
+    assert follower.map.occupancy is before  # what blocks is the same
+    follower.take_map(grid(0 * cells, yaw_rad))  # the same bytes as at first
+    assert not follower.map.occupancy.occupied.any()
+
+
+@given(st.lists(st.sampled_from(["free", "blocked", "update"]), max_size=8))
+@settings(max_examples=15, deadline=None)
+def test_a_map_that_comes_twice_is_one_map(events):
+    """Two subscriptions receive a latched map, and other messages may come between the copies."""
+    doubled, plain = follower_of(use_map=True), follower_of(use_map=True)
+    maps = {name: grid(np.full((5, 4), value)) for name, value in (("free", 0), ("blocked", 100))}
+    for sent_ns, event in enumerate(("free", *events), start=1):
+        if event != "update":
+            last = maps[event], sent_ns
+        for follower in (doubled, plain):
+            if event == "update":
+                follower.take_map_update(update(1, 1, [[100, 0]]))
+            else:
+                follower.take_map(*last)
+        doubled.take_map(*last)
+        np.testing.assert_array_equal(doubled.map.occupancy.occupied, plain.map.occupancy.occupied)
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        {"width": 0, "values": 0},
+        {"width": 20_000, "height": 20_000, "values": 10},
+        {"values": 11},
+        {"x": np.nan},
+        {"resolution": 0.0},
+        {"resolution": 1e30},
+    ],
+    ids=str,
+)
+def test_a_map_that_is_none_is_refused_and_the_one_before_stays(odd):
+    follower = follower_of(use_map=True)
+    follower.take_map(grid(np.zeros((3, 4))))
+    before, about = follower.map.occupancy, {"width": 4, "height": 3} | odd
+    cells, corner = np.zeros((1, about.pop("values", 12))), {"x": about.pop("x", 0.0)}
+    with pytest.raises(PedpredError):
+        follower.take_map(grid(cells, position=corner, **about))
+    assert follower.map.occupancy is before
+
+
+# Diagnostics
+
+
+def diagnosed(follower, now_s=0.0, kinds=(PEOPLE,), before=None, **more):
+    return diagnose(follower, now_s, kinds, before or Counts(), **more)
+
+
+def test_a_sound_stream_is_ok():
+    follower = follower_of()
+    answered(follower, people(1.0, anna=(1.0, 0.0)))
+    assert diagnosed(follower, latency_ms=250.0) == (OK, "forecasts")
+    follower.take_map(grid(np.zeros((5, 4))))
+    assert diagnosed(follower) == (OK, "forecasts with map")
+
+
+@pytest.mark.parametrize(
+    ("known", "word"),
+    [
+        ({"kinds": []}, "not published"),
+        ({"now_s": 9.0}, "no people received"),
+        ({"now_s": 9.0, "kinds": [PEOPLE, BOXES]}, BOXES),
+        ({"latency_ms": 1700.0}, "1700 ms"),
+        ({"clock_ns": 0}, "use_sim_time"),
+        ({"rivals": 1}, "namespace"),
+    ],
+)
+def test_what_is_wrong_around_the_node_is_a_warning(known, word):
+    follower = follower_of()
+    answered(follower, people(1.0, anna=(1.0, 0.0)))
+    level, text = diagnosed(follower, **known)
+    assert level == WARN
+    assert word in text
+
+
+@pytest.mark.parametrize("age_s", [9.0, -5.0])
+def test_stamps_of_another_clock_are_a_warning(age_s):
+    follower = follower_of()
+    answered(follower, people(60.0, anna=(1.0, 0.0)), 0.0, round((60.0 + age_s) * 1e9))
+    level, text = diagnosed(follower)
+    assert level == WARN
+    assert f"{age_s:.1f} s" in text
+    assert "use_sim_time" in diagnosed(follower, clock_ns=0)[1]  # then the age says nothing
+    assert f"{age_s:.1f} s" not in diagnosed(follower, clock_ns=0)[1]
+
+
+def test_no_map_and_a_frame_that_moves_are_a_warning():
+    follower = follower_of(use_map=True, map_frame="robot1/base_link")
+    answered(follower, people(1.0, "robot1/base_link", anna=(1.0, 0.0)))
+    level, text = diagnosed(follower)
+    assert level == WARN
+    assert "no map" in text
+    assert "robot1/base_link" in text
+
+
+def test_messages_without_forecasts_are_a_warning():
+    """As where all stamps are the same."""
+    follower = follower_of()
+    for k in range(50):
+        answered(follower, people(1.0), k / 10)
+    level, text = diagnosed(follower, 4.9)
+    assert level == WARN
+    assert "of the last 50 messages of people, 49" in text
+    assert follower.counts.late == 49
+
+
+def test_two_clocks_are_a_warning_while_time_jumps():
+    follower = follower_of()
+    for k in range(10):
+        answered(follower, people((1.0 if k % 2 else 1000.0) + k / 10, anna=(1.0, 0.0)), k / 10)
+    assert diagnosed(follower, 1.0)[0] == WARN
+    assert diagnosed(follower, 1.0, before=replace(follower.counts)) == (OK, "forecasts")
+
+
+def test_no_detection_of_a_chosen_class_is_a_warning():
+    """As where a detector calls people 0; one of such a class ends it."""
+    follower = follower_of(people_type=BOXES)
+    for k, (label, level) in enumerate((("0", WARN), ("person", OK), ("0", OK))):
+        box = {"id": "1", "results": [{"hypothesis": {"class_id": label}}]}
+        stamp = header(10**9 + k * 10**8, "map")
+        answered(follower, serialize(BOXES, {"header": stamp, "detections": [box]}))
+        found, text = diagnosed(follower)
+        assert (found, "class_ids" in text) == (level, level == WARN)
+
+
+def test_a_status_is_a_message_with_all_values():
+    values = status_values(follower_of(), Latencies())
+    raw = serialize(DIAGNOSTICS_TYPE, diagnostics_content("pedpred", WARN, "x", values, 5))
+    (status,) = known_types().deserialize_cdr(raw, DIAGNOSTICS_TYPE).status
+    assert {pair.key: pair.value for pair in status.values} == {k: str(v) for k, v in values.items()}
+
+
+# Parameters
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"people_type": "x"},
+        {"people_type": "my_msgs/msg/Tracks"},
+        {"people_type": "tracks", "people_fields": "tracks,position=position"},
+        {"people_fields": "tracks"},
+        {"identities": "x"},
+        {"max_age_s": 2.5},
+        {"ignore_near_robot_m": -1.0},
+        {"map_frame": "/"},
+        {"use_map": 1},
+    ],
+    ids=str,
+)
+def test_parameters_out_of_range_are_refused(wrong):
+    with pytest.raises(ValueRuleError):
+        NodeSettings(**wrong)
+
+
+def test_the_same_value_again_is_no_change():
+    """`ros2 param load` sets all parameters of a file, in whatever state the node is."""
+    used = NodeSettings(max_age_s=1.0)
+    again = {name: getattr(used, name) for name in PARAMETERS}
+    again |= {"class_ids": list(used.class_ids), "occupancy_cell_m": 0.5}
+    assert {"transform_timeout_s", "occupancy_cell_m"} <= LIVE
+    assert unchangeable(again, used) == []
+    other = {"max_age_s": 0.5, "class_ids": ["dog"], "use_map": False, "publish_markers": False}
+    assert unchangeable(again | other, used) == ["class_ids", "max_age_s", "use_map"]
+
+
+# The file of the place
+
+
+def test_what_was_learned_is_kept_and_a_damaged_file_is_renamed(tmp_path, caplog):
+    path = tmp_path / "hall.json"
+    follower_of(place_file=str(path)).save_place()
+    written = path.read_bytes()
+    for raw, level in ((written, logging.INFO), (written[:-20], logging.WARNING)):
+        path.write_bytes(raw)
+        caplog.clear()
+        again = follower_of(place_file=str(path))
+        with caplog.at_level("INFO"):
+            again.load_place()
+        assert level in {record.levelno for record in caplog.records}
+        again.save_place()
+        assert path.read_bytes() == written
+    assert (tmp_path / "hall.json.unused").read_bytes() == written[:-20]
+
+
+@pytest.mark.parametrize("place_file", ["", "~/hall.json"])
+def test_the_file_of_the_place_may_be_in_the_home_folder(place_file, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    follower = follower_of(place_file=place_file)
+    follower.load_place()
+    follower.save_place()
+    written = [str(each.relative_to(tmp_path)) for each in tmp_path.rglob("*.json")]
+    assert written == ([place_file.replace("~", "home")] if place_file else [])
+
+
+# The log
+
+
+def test_errors_in_callbacks_are_logged_and_end_nothing(tmp_path, caplog):
+    follower = follower_of(place_file=str(tmp_path))
+    for callback, arguments in (
+        (follower.save_place, ()),
+        (follower.take_map, (b"?",)),
+        (follower.take_map, (None,)),
+    ):
+        guarded("left out", callback)(*arguments)
+    assert [record.levelno for record in caplog.records] == [logging.ERROR] * 3
+    assert "TypeError" in caplog.messages[-1]
+
+
+class Kept:
+    """A logger of rclpy that keeps its texts."""
+
+    def __init__(self):
+        self.texts = []
+
+    def error(self, text):
+        """Keep a text."""
+        self.texts.append(text)
+
+    warning = info = error
+
+
+def test_kinds_of_errors_do_not_hide_each_other():
+    kept = Kept()
+    handler, log = RosHandler(kept), logging.Logger("node")
+    log.addHandler(handler)
+    for k in range(300):
+        log.error("left out: %s", k, extra={"kind": ("people", "ValueRuleError", "id")})
+        log.error("left out: %s", k, extra={"kind": ("map", "ValueRuleError", "data")})
+        log.warning("another wording")
+    assert kept.texts == ["left out: 0", "left out: 0", "another wording"]

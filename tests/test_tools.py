@@ -1,0 +1,103 @@
+"""Tools and benchmarks start, check their arguments before any work, and read and sum up what is there."""
+
+import argparse
+import importlib
+import runpy
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pedpred.errors import InputError
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
+from pedpred.storage.scenes import write_scene
+from tests.conftest import ROOT
+from tools import arguments
+from tools.checksums import checksums
+from tools.motion import describe_motion
+from tools.places import recordings
+
+FILES = [*sorted((ROOT / "tools").glob("*.py")), *sorted((ROOT / "benchmarks").glob("*.py"))]
+COMMANDS = {
+    f"{path.parent.name}.{path.stem}": path.read_text() for path in FILES if "__main__" in path.read_text()
+}
+OF_A_PROJECT = [
+    ("ablate", "reach"), ("fit_social_force", "eth"), ("places", "tuned_on"), ("prose",),
+    ("readme", "--check"), ("recordings",), ("tune_tracker", "eth"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("module", COMMANDS)
+def test_a_command_starts_and_names_its_module(module, monkeypatch, capsys):
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr("sys.argv", [module, "--help"])
+    if "no_arguments(" in COMMANDS[module]:
+        monkeypatch.delitem(sys.modules, module, raising=False)
+        run = partial(runpy.run_module, module, run_name="__main__")
+    else:
+        run = importlib.import_module(module).main
+    with pytest.raises(SystemExit) as ended:
+        run()
+    assert ended.value.code == 0
+    assert capsys.readouterr().out.startswith(f"usage: python -m {module} ")
+
+
+@pytest.mark.parametrize("command", OF_A_PROJECT, ids=" ".join)
+def test_outside_of_a_project_a_tool_ends_with_one_error(command, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", list(command))
+    with pytest.raises(SystemExit) as exit_of:
+        importlib.import_module(f"tools.{command[0]}").main()
+    assert str(exit_of.value).count("Error: ") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "wrong"),
+    [
+        (arguments.count, 3, ["0", "-1", "1.5", "x", ""]),
+        (arguments.positive, 0.5, ["0", "-1", "nan", "inf", "x", ""]),
+        (arguments.probability, 0.0, ["1", "-0.1", "nan", "x"]),
+        (arguments.output, ROOT / "new/figures.json", [str(ROOT)]),
+    ],
+)
+def test_arguments_out_of_range_are_refused(kind, value, wrong):
+    assert kind(str(value)) == value
+    for text in wrong:
+        with pytest.raises(argparse.ArgumentTypeError):
+            kind(text)
+
+
+def test_columns_have_the_checksum_of_their_values(tmp_path):
+    columns = {"text": ["a", "b"], "gaps": [True, None], "lists": [[1], [2, 3]], "bytes": [b"a", b"bc"]}
+    digests = []
+    for name in ("one", "other", "changed"):
+        (tmp_path / name / "data").mkdir(parents=True)
+        table = {key: [*values, values[name == "changed"]] for key, values in columns.items()}
+        pd.DataFrame(table).to_parquet(tmp_path / name / "data" / "table.parquet")
+        digests.append(dict(checksums(tmp_path / name)))
+    assert digests[0] == digests[1]
+    assert len(digests[0]) == len(columns)
+    assert all(digests[0][key] != digests[2][key] for key in digests[0])
+
+
+def test_recordings_are_places_with_people_or_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    places, time_s = Path("data/scenes/real"), 0.4 * np.arange(30)
+    position = np.stack([time_s, 0.0 * time_s], axis=1)
+    people = Trajectories(time_s, np.ones(30, np.int64), position)
+    missing = Scene.without_people("hotel", "ask for it")
+    write_scene(missing, places / "hotel")
+    for files in ([], [places / "hotel"]):
+        with pytest.raises(InputError):
+            list(recordings(files))
+    write_scene(Scene("eth", people, OccupancyMap.free_around(position), 0.4), places / "eth")
+    assert [scene.name for scene in recordings([])] == ["eth"]
+    rows = "".join(f"{frame},1,{0.1 * frame},0.0\n" for frame in range(30))
+    Path("walk.csv").write_text("frame,id,x,y\n" + rows)
+    (scene,) = recordings([Path("walk.csv")], 10.0)
+    assert scene.detection_dt_s == pytest.approx(0.1)
+    assert describe_motion("hotel", [missing])["instants"] == 0
