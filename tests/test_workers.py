@@ -21,7 +21,7 @@ from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import write_scene
 from pedpred.tracking import KalmanSettings
 from pedpred.workers import in_parallel
-from stages.rows import write_steps
+from stages.rows import scene_steps, write_file
 from stages.simulate import simulate_into
 from tests.exported import LSTM_ROWS
 from tests.simulated import SETTINGS, short
@@ -56,8 +56,11 @@ def test_two_processes_give_the_same_bytes(alone, tmp_path, monkeypatch):
 
 def features_with(jobs, scenes, out, monkeypatch):
     monkeypatch.setenv("PEDPRED_JOBS", jobs)
-    tasks = [(out, scene, "", HOW, LSTM_ROWS, 3) for scene in sorted(scenes.iterdir())]
-    in_parallel(write_steps, tasks, "features", "room")
+    tasks = [
+        (out, LSTM_ROWS, scene.name, scene_steps, scene, "", scene.name, HOW, LSTM_ROWS, 3)
+        for scene in sorted(scenes.iterdir())
+    ]
+    in_parallel(write_file, tasks, "features", "room")
     return contents(out)
 
 

@@ -3,11 +3,9 @@
 import math
 
 import pytest
-from pedpred.sequences import SequenceSets
-from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 
 from pedpred.datasets.crops import CropSplit
-from pedpred.datasets.lanes import SplitSettings
+from pedpred.datasets.splits import SplitSettings
 from pedpred.driving.planner import PlannerSettings
 from pedpred.driving.robot import Robot
 from pedpred.evaluation import EvaluationSettings, MetricSettings, Resampling
@@ -16,6 +14,9 @@ from pedpred.features.perception import Following
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.mixture.network import MixtureSettings
+from pedpred.rows.recorded import ViewingSettings
+from pedpred.rows.sampling import RowSettings
+from pedpred.rows.simulated import SequenceSets, SimulatedSet
 from pedpred.settings import load
 from pedpred.training import AutoencoderSettings
 from pedpred.training.augmentation import Augmentation
