@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks import features as benchmark
-from pedpred.features import ForecastProtocol, Neighbours, Pedestrians, Surroundings, extract, extract_blocks
+from pedpred.features import ForecastProtocol, Neighbours, Pedestrians, Surroundings, extract_blocks
 from pedpred.features.surroundings import pedestrians_at
 from pedpred.geometry import rotate
 from pedpred.models.lstm.features.grids import angular_grids, occupancy_crops, unpack_crops
@@ -19,7 +19,7 @@ from pedpred.tracking import KalmanSettings, follow, resampled
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 from tests.exported import LSTM_ROWS
 from tests.refused import refused
-from tests.worlds import EXCERPT, empty_map, recorded, tracked, walled_scene
+from tests.worlds import EXCERPT, empty_map, extract, recorded, tracked, walled_scene
 from tools.latency import room
 
 PROTOCOL, FEATURES = LSTM_ROWS.protocol, LSTM_ROWS.features
@@ -38,14 +38,14 @@ INPUTS = (*MOTION, "occupancy", "angular_grid")
 
 def table_of(scene, source, truth=None):
     tracks = follow(scene.trajectories, source["kind"], source["kalman"], 0.2)
-    return extract(scene, tracks, PROTOCOL, FEATURES, truth, source["phase_offsets"])
+    return extract(scene, tracks, PROTOCOL, FEATURES, truth=truth, phase_offsets=source["phase_offsets"])
 
 
 def paper_table(scene):
     """The leaky protocol."""
     prepared = resampled(scene, 0.3)
     tracks = follow(prepared.trajectories, "truth", None, 0.2)
-    return extract(prepared, tracks, ForecastProtocol(noncausal=True), FEATURES, scene.trajectories)
+    return extract(prepared, tracks, ForecastProtocol(noncausal=True), FEATURES, truth=scene.trajectories)
 
 
 def column(table, name):
@@ -309,7 +309,7 @@ def test_targets_are_the_truth_whatever_the_sensor_says():
     seen = apply_sensor(scene, SENSOR, rng)
     tracks = tracked(seen, KALMAN)
     assert (tracks.person_id != tracks.track_id).any()
-    table = extract(seen, tracks, PROTOCOL, truth=scene.trajectories)
+    table = extract(seen, tracks, PROTOCOL, FEATURES, truth=scene.trajectories)
     row = tracks.last_row(table.track_id, table.time_s)
     own = tracked(scene, KALMAN)
     ahead = own.last_row(tracks.person_id[row], table.time_s + 0.3)

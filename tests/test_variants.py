@@ -7,12 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pedpred.features import extract
 from pedpred.models.lstm.features.grids import unpack_crops
 from pedpred.scenes import VARIANTS
 from pedpred.tracking import follow
 from tests.exported import LSTM_ROWS
-from tests.worlds import walled_scene
+from tests.worlds import extract, walled_scene
 
 
 def features(scene):

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from pedpred.features import extract_blocks
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.sources import SOURCES
 from pedpred.sources.eth_ucy import read_text
@@ -24,6 +25,12 @@ def recorded(place):
     row = PLACES[place]
     _, _, data_set, *inside = Path(row["folder"]).parts
     return SOURCES[row["source"]](raw_folder(data_set).joinpath(*inside), place, row["settings"])
+
+
+def extract(*arguments, **given):
+    """All blocks of a scene as one table."""
+    (table,) = extract_blocks(*arguments, **given, rows=10**9)
+    return table
 
 
 def empty_map(size_m=20.0, resolution_m=0.1):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.features import FeatureTable, ForecastProtocol, extract, extract_at_detections
+from pedpred.features import FeatureTable, ForecastProtocol, clock_steps, extract_at_detections
 from pedpred.features.perception import Perception, perceived
 from pedpred.forecasting import ForecastRequest
 from pedpred.geometry import rotate
@@ -98,7 +98,7 @@ def request_about(
         rows=np.arange(len(table)),
         tracker=None if protocol.noncausal else tracker,
         detection_interval_s=seen.detection_dt_s,
-        clock=extract(seen, tracks, protocol, truth=truth) if memory else None,
+        clock=clock_steps(tracks, seen.detection_dt_s, protocol.dt_s) if memory else None,
         tracks=tracks,
         detection_noise_m=how.sensor.position_noise_m,
     )

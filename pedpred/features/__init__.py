@@ -1,7 +1,7 @@
 """Tracked states, what a model can see around people, and training targets."""
 
 from pedpred.features.contract import ModelFeatures, StoredColumn
-from pedpred.features.extract import extract, extract_at_detections, extract_blocks
+from pedpred.features.extract import Steps, clock_steps, extract_at_detections, extract_blocks
 from pedpred.features.surroundings import Neighbours, Pedestrians, Surroundings, neighbours_at
 from pedpred.features.table import FeatureTable, ForecastProtocol
 
@@ -11,9 +11,10 @@ __all__ = [
     "ModelFeatures",
     "Neighbours",
     "Pedestrians",
+    "Steps",
     "StoredColumn",
     "Surroundings",
-    "extract",
+    "clock_steps",
     "extract_at_detections",
     "extract_blocks",
     "neighbours_at",

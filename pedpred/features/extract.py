@@ -43,84 +43,61 @@ class Steps:
     time_s: np.ndarray
     row: np.ndarray
 
-    def select(self, rows: slice) -> Steps:
+    def __len__(self) -> int:
+        return len(self.track_id)
+
+    def select(self, rows: np.ndarray | slice) -> Steps:
         """Some of the steps."""
         return Steps(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
-
-
-def extract(
-    scene: Scene,
-    tracks: Tracks,
-    protocol: ForecastProtocol,
-    features: ModelFeatures | None = None,
-    truth: Trajectories | None = None,
-    phase_offsets: int = 1,
-) -> FeatureTable:
-    """Compute inputs and targets of all steps of a scene; arguments of `extract_blocks`.
-
-    Every input at time t depends on detections at or before t; only targets use later ones.
-    """
-    return next(
-        extract_blocks(scene, tracks, protocol, features, np.iinfo(np.int64).max, truth, phase_offsets)
-    )
 
 
 def extract_blocks(
     scene: Scene,
     tracks: Tracks,
     protocol: ForecastProtocol,
-    features: ModelFeatures | None = None,
+    features: ModelFeatures,
     rows: int = 8192,
     truth: Trajectories | None = None,
     phase_offsets: int = 1,
 ) -> Iterator[FeatureTable]:
-    """Compute the table of `extract` in blocks of whole tracks, so that memory is bounded.
+    """Compute inputs and targets of all steps of a scene, in blocks of whole tracks to bound the memory.
+
+    Every input at time t depends on detections at or before t; only targets use later ones.
 
     Args:
         scene: the place and the detections.
         tracks: the tracker's states of that scene.
         protocol: time step, horizon, ages.
-        features: of the model that is to read the rows; None computes no inputs.
+        features: of the model that is to read the rows.
         rows: largest number of rows of a block; a longer track is a block of its own. An empty scene
             gives one empty block.
         truth: true trajectories for the targets; None takes the scene's detections.
         phase_offsets: step sequences per track, offset by one detection interval each.
     """
-    futures = _futures(scene, truth, protocol)
+    futures = Futures.of(scene.trajectories if truth is None else truth, protocol.longest_gap_s)
     steps = clock_steps(tracks, scene.detection_dt_s, protocol.dt_s, phase_offsets)
-    around = None
-    if features is not None:
-        around = neighbours_at(tracks, steps.time_s, scene.detection_dt_s * protocol.max_age_intervals)
+    around = neighbours_at(tracks, steps.time_s, scene.detection_dt_s * protocol.max_age_intervals)
     for block in track_blocks(steps.track_id, rows):
-        instants = steps.select(block)
-        inputs = {}
-        if features is not None and around is not None:
-            beside = replace(around, span=around.span[block])
-            seen = Surroundings.of(tracks, instants.row, instants.time_s, beside, scene.occupancy)
-            computed = features.compute(seen, protocol.dt_s)
-            inputs = {name: computed[name] for name in features.columns()}
+        instants, beside = steps.select(block), replace(around, span=around.span[block])
+        seen = Surroundings.of(tracks, instants.row, instants.time_s, beside, scene.occupancy)
+        computed = features.compute(seen, protocol.dt_s)
+        inputs = {name: computed[name] for name in features.columns()}
         yield replace(_table(tracks, protocol, instants, futures), inputs=inputs)
 
 
 def extract_at_detections(
     scene: Scene, tracks: Tracks, protocol: ForecastProtocol, truth: Trajectories | None = None
 ) -> FeatureTable:
-    """Compute the table with a row per detection instead of per step; `step` counts a life's detections.
+    """Compute the table, without inputs, with a row per detection; `step` counts a life's detections.
 
-    Forecasts are evaluated at these instants, whatever their rate; arguments of `extract`.
+    Forecasts are evaluated at these instants, whatever their rate; arguments of `extract_blocks`.
     """
     rows = np.arange(len(tracks.time_s))
     phase, step = np.zeros(len(rows), np.int8), tracks.age.astype(np.int32)
     steps = Steps(tracks.track_id, phase, step, tracks.time_s, rows)
-    futures = _futures(scene, truth, protocol)
+    futures = Futures.of(scene.trajectories if truth is None else truth, protocol.longest_gap_s)
     parts = track_blocks(steps.track_id, _ROWS_AT_ONCE)  # for smaller intermediate arrays
     return FeatureTable.join([_table(tracks, protocol, steps.select(part), futures) for part in parts])
-
-
-def _futures(scene: Scene, truth: Trajectories | None, protocol: ForecastProtocol) -> Futures:
-    """The true paths, known between detections that are near enough to interpolate."""
-    longest_s = min(protocol.truth_gap_s, protocol.lost_after_s)
-    return Futures.of(scene.trajectories if truth is None else truth, longest_s)
 
 
 def track_blocks(track_id: np.ndarray, rows: int) -> Iterator[slice]:
@@ -138,8 +115,7 @@ def _table(tracks: Tracks, protocol: ForecastProtocol, steps: Steps, futures: Fu
     """States and targets of some steps, without inputs."""
     walkers = pedestrians_at(tracks, steps.row, steps.time_s)
     last_velocity, last_acceleration = last_differences(tracks, steps.row)
-    ahead_s = (np.arange(protocol.horizon_steps) + 1) * protocol.dt_s
-    path, future_steps = futures.after(tracks.person_id[steps.row], steps.time_s, ahead_s)
+    path, future_steps = futures.after(tracks.person_id[steps.row], steps.time_s, protocol.ahead_s)
     turned = -walkers.heading_rad
     future = rotate(future_velocities(walkers.position, path, protocol.dt_s), turned[:, None])
     known = np.arange(protocol.horizon_steps) < future_steps[:, None]
@@ -159,7 +135,7 @@ def _table(tracks: Tracks, protocol: ForecastProtocol, steps: Steps, futures: Fu
     )
 
 
-def clock_steps(tracks: Tracks, detection_dt_s: float, dt_s: float, phase_offsets: int) -> Steps:
+def clock_steps(tracks: Tracks, detection_dt_s: float, dt_s: float, phase_offsets: int = 1) -> Steps:
     """Steps of all lives: step k of phase c is at first detection + c detection intervals + k dt_s."""
     first = np.flatnonzero(tracks.age == 0)
     names, begin = tracks.track_id[first], tracks.time_s[first]

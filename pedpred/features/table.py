@@ -35,6 +35,16 @@ class ForecastProtocol(Settings):
     truth_gap_s: Annotated[float, In("(0, 10000]")] = 0.6
     noncausal: bool = False
 
+    @property
+    def ahead_s(self) -> np.ndarray:
+        """Time from the present to each step of the horizon, s. [P]."""
+        return (np.arange(self.horizon_steps) + 1) * self.dt_s
+
+    @property
+    def longest_gap_s(self) -> float:
+        """Longest time between two detections across which the true path is interpolated, s."""
+        return min(self.truth_gap_s, self.lost_after_s)
+
 
 @dataclass(frozen=True)
 class FeatureTable:

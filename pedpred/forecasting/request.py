@@ -8,7 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.features import FeatureTable, ForecastProtocol, ModelFeatures, Surroundings, neighbours_at
+from pedpred.features import (
+    FeatureTable,
+    ForecastProtocol,
+    ModelFeatures,
+    Steps,
+    Surroundings,
+    neighbours_at,
+)
 from pedpred.features.surroundings import present_rows
 from pedpred.scenes import Predictions, Scene
 from pedpred.simulation.settings import SocialForceSettings
@@ -30,7 +37,7 @@ class ForecastRequest:
         tracker: noise of the filter that the tracked states come from; None where states are true.
         detection_interval_s: time between two detections of a track, s.
         social_force: the model of walking at this place; None where there is none.
-        clock: the same every `dt_s` from each life's first detection on, when recurrent memories advance;
+        clock: instants every `dt_s` from each life's first detection on, when recurrent memories advance;
             sorted by track and step. None where nobody keeps one.
         tracks: the tracker's states, row by row those of `table`; None where nobody reads the past.
         detection_noise_m: declared standard deviation of a detection's coordinate, m.
@@ -43,14 +50,14 @@ class ForecastRequest:
     tracker: KalmanSettings | None
     detection_interval_s: float
     social_force: SocialForceSettings | None = None
-    clock: FeatureTable | None = None
+    clock: Steps | None = None
     tracks: Tracks | None = None
     detection_noise_m: float = 0.0
 
     @property
     def ahead_s(self) -> np.ndarray:
         """Time from the present to each step of the horizon, s. [P]."""
-        return (np.arange(self.sizes.horizon_steps) + 1) * self.sizes.dt_s
+        return self.sizes.ahead_s
 
     @property
     def asked(self) -> FeatureTable:
@@ -69,7 +76,7 @@ class ForecastRequest:
         return self.social_force
 
     @property
-    def steps(self) -> FeatureTable:
+    def steps(self) -> Steps:
         """The instants at which recurrent memories advance.
 
         Raises:

@@ -12,7 +12,6 @@ from pedpred.features import (
     ForecastProtocol,
     Neighbours,
     Surroundings,
-    extract,
     extract_at_detections,
     extract_blocks,
     neighbours_at,
@@ -24,7 +23,7 @@ from pedpred.features.targets import Futures, future_velocities
 from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import KalmanSettings, follow
 from tests.by_hand.lives import AGE, HEADING, PACE, SEEN, TIME_S, TRACK, TRACKED, scene_of, tracks_of
-from tests.worlds import empty_map
+from tests.worlds import empty_map, extract
 
 
 def turned_back(vector, angle):
@@ -209,7 +208,6 @@ def test_inputs_are_computed_where_the_steps_are():
     blocks = list(extract_blocks(scene_of(), tracks_of(), sizes, reader(read), 7))
     assert [len(block) for block in blocks] == [7, 1]
     assert np.concatenate([block.inputs["there"] for block in blocks]).tolist() == [2, 2, 2, 1, 1, 1, 1, 1]
-    assert not extract(scene_of(), tracks_of(), sizes).inputs
 
 
 # The past and the neighbours

@@ -1,4 +1,4 @@
-"""The recent detections of a person on a robot: which are kept, and what velocities are measured from, by hand."""
+"""Recent detections of a person on a robot: which are kept, what velocities are measured from, by hand."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,9 @@ def test_detections_in_a_burst_are_not_kept():
     place = np.array([[0.0, 1.0], [0.2, 1.0], [0.3, 1.2], [0.4, 1.0], [0.84, 0.56]])
     past, kept, velocity = first_seen(1, 3), [True], [[0.0, 0.0]]
     for k in range(1, 5):
-        past = add_detection(past, np.array(times_s[k - 1 : k]), place[k - 1 : k], times_s[k], place[k : k + 1])
+        past = add_detection(
+            past, np.array(times_s[k - 1 : k]), place[k - 1 : k], times_s[k], place[k : k + 1]
+        )
         kept.append(bool(past["kept"][0]))
         velocity.append(past["last_velocity"][0].tolist())
     assert kept == [True, True, False, True, True]
