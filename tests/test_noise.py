@@ -109,7 +109,7 @@ def test_nobody_changes_the_state_of_others(bank):
 def test_who_stands_teaches_nothing():
     position = np.tile(np.arange(6.0)[:, None] * [1.0, 2.0], (60, 1, 1))
     weights = seen_by(OnlinePredictor.load(), np.arange(60) * 0.1, position)
-    np.testing.assert_array_equal(weights[-1], BANK.unlearned(6))
+    np.testing.assert_array_equal(weights[-1], BANK.initial_weights(6))
 
 
 def test_noisy_detections_are_smoothed_more_than_exact_ones():

@@ -90,7 +90,7 @@ def update_times(folder: Path, count: int, frames: int) -> dict[str, np.ndarray]
     times: dict[str, list[float]] = {}
     owners = {
         "features": (robot._steps, "inputs"),
-        "network": (robot._network, "step"),
+        "network": (robot.network, "step"),
         "choice": (robot, "_forecast"),
     }
     for name, (owner, method) in owners.items():

@@ -12,7 +12,6 @@ from tqdm import tqdm
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting import ForecastRequest
 from pedpred.forecasting.blocks import forecast_blocks
-from pedpred.forecasting.postprocessing import Postprocessing
 from pedpred.online.caution import have_just_appeared, moving_shares, shorten_paths
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.scenes import Predictions
@@ -49,8 +48,7 @@ def predictions_in_blocks(
         return answer.predictions
 
     progress = partial(tqdm, desc=title, unit="block")
-    postprocessing = Postprocessing(noise_m=settings.detection_noise_m, trust=settings.learn_trust)
-    for which, block in forecast_blocks(request, about.features, infer, postprocessing, progress):
+    for which, block in forecast_blocks(request, about.features, infer, predictor.postprocessing, progress):
         row = request.rows[which]
         here = tracks.position_at(row, request.table.time_s[row])
         yield which, shorten_paths(block, here, share[which])

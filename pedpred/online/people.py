@@ -34,7 +34,7 @@ class People:
         walked: whether they ever moved; until then the heading follows the slightest motion. [N] bool
         velocity_drift: from where given velocities lead to the last detection, m; 0 where positions are
             filtered. See `pedpred.online.registration`. [N, 2]
-        ticks: steps of the network. [N]
+        steps: of the network so far. [N]
         memory: the network's state after them, name -> [N, ...] float32
         past: recent detections, see `pedpred.online.past`.
         filters: beliefs of all filters at `seen_s` (position, velocity, covariance: [N, H, 2 or 3] each) and
@@ -52,7 +52,7 @@ class People:
     heading_rad: np.ndarray
     walked: np.ndarray
     velocity_drift: np.ndarray
-    ticks: np.ndarray
+    steps: np.ndarray
     memory: Arrays
     past: Arrays
     filters: Arrays
@@ -70,7 +70,7 @@ class People:
         return cls(
             track_id=whole, life=whole, born_s=none, seen_s=none, detection=pairs, position=pairs,
             velocity=pairs, covariance=np.zeros((0, 3)), heading_rad=none, walked=np.zeros(0, bool),
-            velocity_drift=pairs, ticks=whole, memory=empty, past=first_seen(0, slots), filters=states,
+            velocity_drift=pairs, steps=whole, memory=empty, past=first_seen(0, slots), filters=states,
         )  # fmt: skip
 
     def rows_of(self, track_id: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -90,7 +90,7 @@ class People:
     def stepped(self, rows: np.ndarray, memory: Arrays) -> People:
         """All people after a network step for some of them, with their new memory [R, ...]."""
         whole = {name: with_rows(values, rows, memory[name]) for name, values in self.memory.items()}
-        return replace(self, ticks=with_rows(self.ticks, rows, self.ticks[rows] + 1), memory=whole)
+        return replace(self, steps=with_rows(self.steps, rows, self.steps[rows] + 1), memory=whole)
 
     def joined_by_track(self, others: People) -> People:
         """These people and others, sorted by track."""
@@ -119,7 +119,7 @@ def with_rows(values: np.ndarray, rows: np.ndarray | slice, new: np.ndarray | fl
     return copy
 
 
-def next_ticks_s(people: People, dt_s: float) -> np.ndarray:
+def next_steps_s(people: People, dt_s: float) -> np.ndarray:
     """Time of the next step of each person, on the grid of the offline features, s. [N]."""
-    exact = people.born_s + people.ticks * dt_s
+    exact = people.born_s + people.steps * dt_s
     return np.round(exact / TIME_TOLERANCE_S) * TIME_TOLERANCE_S

@@ -19,7 +19,7 @@ from pedpred.online.caution import have_just_appeared, moving_shares, shorten_pa
 from pedpred.online.correction import Correction
 from pedpred.online.doubts import Doubts
 from pedpred.online.frame import Frame
-from pedpred.online.network import ExportedNetwork, ModelDescription, read_description
+from pedpred.online.network import ExportedNetwork, read_description
 from pedpred.online.past import earliest, kept_before, slots_for
 from pedpred.online.people import People
 from pedpred.online.places import read_place, write_place
@@ -49,7 +49,12 @@ class OnlinePredictor:
     thread-safe. A copy (`copy.deepcopy`, `pickle`) goes on by itself.
 
     Attributes:
-        name: what a track is called in warnings; its number, unless somebody knows better.
+        description: what the model folder says about its network, with the tracker that is used.
+        network: of the model folder.
+        filters: that follow each person.
+        postprocessing: what follows a network without memory.
+        settings: how detections are treated.
+        name: what a track is called in warnings; its number, unless it is given names.
     """
 
     def __init__(self, folder: Path | str, settings: OnlineSettings | None = None):
@@ -58,22 +63,19 @@ class OnlinePredictor:
             raise ValueRuleError("settings", checked, "it must be OnlineSettings or None")
         folder = as_path("folder", folder)
         check_input(folder, folder=True)
-        self._about = read_description(folder)
-        self._network = ExportedNetwork(folder, self._about)
-        self._settings = checked
-        lost_after_s = self._about.protocol.lost_after_s
+        described = read_description(folder)
+        lost_after_s = described.protocol.lost_after_s
         if checked.max_age_s > lost_after_s + TIME_TOLERANCE_S:
             rule = f"it must be at most lost_after_s of the model, {lost_after_s:g} s"
             raise ValueRuleError("max_age_s", checked.max_age_s, rule)
-        self._about = replace(self._about, tracker=self._settings.tracker or self._about.tracker)
-        learns = self._settings.learn_noise
+        learns = checked.learn_noise
         if learns is None:
-            learns = self._about.learn_noise and self._settings.tracker is None
-        self._bank = KalmanBank.around(self._about.tracker, learns)
-        self._postprocessing = Postprocessing(
-            noise_m=self._settings.detection_noise_m, trust=self._settings.learn_trust
-        )
-        self._steps = NetworkSteps(self._network, self._about, checked.max_age_s)
+            learns = described.learn_noise and checked.tracker is None
+        self.settings, self.network = checked, ExportedNetwork(folder, described)
+        self.description = replace(described, tracker=checked.tracker or described.tracker)
+        self.filters = KalmanBank.around(self.description.tracker, learns)
+        self.postprocessing = Postprocessing(noise_m=checked.detection_noise_m, trust=checked.learn_trust)
+        self._steps = NetworkSteps(self.network, self.description, checked.max_age_s)
         self._map: OccupancyMap | None = None
         self.name: Callable[[int], object] = int
         self.reset()
@@ -97,26 +99,6 @@ class OnlinePredictor:
         return cls(default_model() if folder is None else folder, settings)
 
     @property
-    def description(self) -> ModelDescription:
-        """What the model folder says about its network, with the tracker that is used."""
-        return self._about
-
-    @property
-    def filters(self) -> KalmanBank:
-        """The filters that follow each person."""
-        return self._bank
-
-    @property
-    def network(self) -> ExportedNetwork:
-        """The network of the model folder."""
-        return self._network
-
-    @property
-    def settings(self) -> OnlineSettings:
-        """How detections are treated."""
-        return self._settings
-
-    @property
     def doubts(self) -> tuple[str, ...]:
         """What is wrong with many of the last detections, in words; see `pedpred.online.doubts`."""
         return self._doubts.texts
@@ -124,11 +106,11 @@ class OnlinePredictor:
     @property
     def protocol(self) -> ForecastProtocol:
         """Time step, horizon and ages of the forecasts."""
-        return self._about.protocol
+        return self.description.protocol
 
     def reset(self) -> None:
         """Delete all tracks and what was learned at the place; the map stays."""
-        self._begin(self._unlearned(), {})
+        self._begin(self._initial_place(), {})
 
     def save_place(self, path: Path | str) -> None:
         """Write what was learned at the place to a JSON file, for `load_place`.
@@ -141,7 +123,7 @@ class OnlinePredictor:
         """
         output = as_path("path", path)
         check_output(output)
-        write_place(output, self._place, self._unused, self._network.checksum)
+        write_place(output, self._place, self._unused, self.network.checksum)
 
     def load_place(self, path: Path | str) -> None:
         """Delete all tracks, and go on with what the same network had learned; the map stays.
@@ -150,11 +132,11 @@ class OnlinePredictor:
             ValueRuleError: that is no path.
             InputError: the file is missing, damaged or about another network; all is as it was.
         """
-        checksum = self._network.checksum
-        self._begin(*read_place(as_path("path", path), self._unlearned(), checksum))
+        checksum = self.network.checksum
+        self._begin(*read_place(as_path("path", path), self._initial_place(), checksum))
 
-    def _unlearned(self) -> PlaceKnowledge:
-        return self._postprocessing.initial(self.protocol.horizon_steps)
+    def _initial_place(self) -> PlaceKnowledge:
+        return self.postprocessing.initial(self.protocol.horizon_steps)
 
     def _begin(self, place: PlaceKnowledge, unused: dict[str, Any]) -> None:
         """Start with nobody, and with what was learned; see `read_place`."""
@@ -164,8 +146,8 @@ class OnlinePredictor:
         _, self._last = self._forecast(self._steps.nobody(self._people), place, 0.0)
 
     def _nobody(self) -> People:
-        past_s = self._about.features.past_s(self.protocol.dt_s)
-        return People.nobody(self._about.memory, slots_for(past_s), len(self._bank.filters))
+        past_s = self.description.features.past_s(self.protocol.dt_s)
+        return People.nobody(self.description.memory, slots_for(past_s), len(self.filters.filters))
 
     @property
     def _ground(self) -> OccupancyMap:
@@ -233,7 +215,7 @@ class OnlinePredictor:
         people, place = self._people, self._place
         if arrival is not Arrival.NEXT:
             people, place = self._nobody(), place.without_people()
-        until_s = frame.time_s - self._settings.snap_s
+        until_s = frame.time_s - self.settings.snap_s
         people = self._steps.catch_up(people, until_s, self._ground, self._tell_lost)
         lost = frame.time_s - people.seen_s > clock.longest_s
         people = people.select(~lost) if lost.any() else people
@@ -248,7 +230,7 @@ class OnlinePredictor:
         since = self._people.seen_s > frame.time_s - TIME_TOLERANCE_S
         new = ~np.isin(frame.track_id, self._people.track_id[since], assume_unique=True)
         now_s = self._clock.now_s
-        if not new.any() or now_s - frame.time_s > self._settings.max_age_s - TIME_TOLERANCE_S:
+        if not new.any() or now_s - frame.time_s > self.settings.max_age_s - TIME_TOLERANCE_S:
             self._clock = self._clock.dropped(frame.time_s)
             return self._last
         self._people, _, self._last = self._observe(self._people, self._place, frame.select(new), now_s)
@@ -261,7 +243,9 @@ class OnlinePredictor:
         """People after the detections of a frame, what is learned, and forecasts at a time, not before it."""
         people, frame = self._within_limit(people, frame)
         before = people.track_id[contradicted(people)]
-        people = register_detections(people, frame, self._bank, self._about.standstill_mps, self._lives)
+        people = register_detections(
+            people, frame, self.filters, self.description.standstill_mps, self._lives
+        )
         false = np.setdiff1d(people.track_id[contradicted(people)], before, assume_unique=True)
         if len(false):
             text = (
@@ -274,7 +258,7 @@ class OnlinePredictor:
 
     def _within_limit(self, people: People, frame: Frame) -> tuple[People, Frame]:
         """See `keep_to_limit`; those who are left out are named."""
-        most = self._settings.most_people
+        most = self.settings.most_people
         kept, taken = keep_to_limit(people, frame, most)
         if len(taken) < len(frame):
             named = self._named(np.setdiff1d(frame.track_id, taken.track_id, assume_unique=True))
@@ -297,11 +281,11 @@ class OnlinePredictor:
         position, heading = observers.position, observers.heading_rad
         world = rotate(stepped.velocities.astype(np.float64), heading[:, None])
         there = stepped.predictions.in_world(position, heading)
-        if not self._about.memory:
+        if not self.description.memory:
             seen = (people.seen_s[rows] == time_s) & people.past["kept"][rows]
             known = position, time_s, people.life[rows], people.detection[rows], seen
             alone = there.point
-            place, there = self._postprocessing.apply(place, there, *known)
+            place, there = self.postprocessing.apply(place, there, *known)
             world = world + np.diff(there.point - alone, axis=1, prepend=0.0) / there.dt_s
             share = self._moving_shares(people, rows)
             if not (share == 1.0).all():
@@ -313,7 +297,7 @@ class OnlinePredictor:
         new = have_just_appeared((people.seen_s - people.born_s)[rows], kept_before(people.past, rows))
         if not new.any():
             return np.ones(len(rows))
-        noise_m = max(self._about.tracker.position_noise_m, self._settings.detection_noise_m)
+        noise_m = max(self.description.tracker.position_noise_m, self.settings.detection_noise_m)
         last = people.detection[rows]
         first = earliest(people.past, rows, last)
         return moving_shares(first, last, new, people.covariance[rows], noise_m)

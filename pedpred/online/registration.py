@@ -116,7 +116,7 @@ def _follow(
 def _newborn(people: People, frame: Frame, bank: KalmanBank, standstill_mps: float, lives: int) -> People:
     """Those in a frame, who are detected for the first time; arrays of others say what is kept of each."""
     count, position = len(frame), frame.position
-    states = bank.initial_beliefs(position), bank.unlearned(count)
+    states = bank.initial_beliefs(position), bank.initial_weights(count)
     if frame.velocity is not None:
         states = _known_states(bank, position, frame.velocity)
     here, now = weighted(*states), np.full(count, frame.time_s)
@@ -126,7 +126,7 @@ def _newborn(people: People, frame: Frame, bank: KalmanBank, standstill_mps: flo
     return People(
         track_id=frame.track_id, life=lives + np.arange(count), born_s=now, seen_s=now.copy(),
         detection=position, **vars(here), heading_rad=heading, walked=walked,
-        velocity_drift=np.zeros((count, 2)), ticks=np.zeros(count, np.int64), memory=memory, past=past,
+        velocity_drift=np.zeros((count, 2)), steps=np.zeros(count, np.int64), memory=memory, past=past,
         filters=_filter_arrays(*states),
     )  # fmt: skip
 
@@ -134,7 +134,7 @@ def _newborn(people: People, frame: Frame, bank: KalmanBank, standstill_mps: flo
 def _known_states(bank: KalmanBank, position: np.ndarray, velocity: np.ndarray) -> tuple[Belief, np.ndarray]:
     """True states as all filters have them, and weights as before any detection."""
     where, going = (np.repeat(values, len(bank.filters), axis=0) for values in (position, velocity))
-    return Belief(where, going, np.zeros((len(where), 3))), bank.unlearned(len(position))
+    return Belief(where, going, np.zeros((len(where), 3))), bank.initial_weights(len(position))
 
 
 def _filter_arrays(beliefs: Belief, weights: np.ndarray) -> Arrays:

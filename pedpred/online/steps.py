@@ -10,7 +10,7 @@ import numpy as np
 from pedpred.features import Neighbours, Surroundings
 from pedpred.online.network import ExportedNetwork, ModelDescription
 from pedpred.online.past import past_of
-from pedpred.online.people import People, next_ticks_s
+from pedpred.online.people import People, next_steps_s
 from pedpred.scenes import OccupancyMap, Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
@@ -120,7 +120,7 @@ class NetworkSteps:
         if not self._about.memory:
             return np.full(len(people), np.inf)
         protocol = self._about.protocol
-        due_s = next_ticks_s(people, protocol.dt_s)
+        due_s = next_steps_s(people, protocol.dt_s)
         return np.where(due_s > people.seen_s + protocol.lost_after_s, np.inf, due_s)
 
     def _present(self, people: People, time_s: float) -> np.ndarray:

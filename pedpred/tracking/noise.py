@@ -74,7 +74,7 @@ class KalmanBank:
         least_s[0] = 0.0
         return least_s
 
-    def unlearned(self, people: int) -> np.ndarray:
+    def initial_weights(self, people: int) -> np.ndarray:
         """Log weights of the filters of people who have just appeared. [N, H]."""
         weights = np.full((people, len(self.filters)), _PRIOR)
         weights[:, 0] = 0.0

@@ -186,11 +186,11 @@ def _filtered_by(
     if len(bank.filters) == 1:
         return _filtered(time_s, detection, age, bank.filters[0])
     state = Belief(np.empty_like(detection), np.empty_like(detection), np.empty((len(detection), 3)))
-    beliefs, weights, rows = bank.initial_beliefs(detection[:0]), bank.unlearned(0), np.zeros(0, int)
+    beliefs, weights, rows = bank.initial_beliefs(detection[:0]), bank.initial_weights(0), np.zeros(0, int)
     for k in range(int(age.max(initial=-1)) + 1):
         before, rows = rows, np.flatnonzero(age == k)
         if k == 0:
-            beliefs, weights = bank.initial_beliefs(detection[rows]), bank.unlearned(len(rows))
+            beliefs, weights = bank.initial_beliefs(detection[rows]), bank.initial_weights(len(rows))
         else:
             goes_on = np.isin(before, rows - 1, assume_unique=True)
             beliefs = Belief(

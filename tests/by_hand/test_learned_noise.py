@@ -19,7 +19,7 @@ def test_the_filters_beside_a_models_own_one():
     np.testing.assert_allclose(bank.position_noise_m, [0.4, 0.1, 0.0335, 0.02, 0.006])
     np.testing.assert_allclose(bank.shortest_s, [0.0, 3e-4, 1.52e-6 / 0.0335**2, 0.0125, 1e-5 / 3.6e-5])
     assert {one.initial_speed_mps for one in bank.filters} == {1.3}
-    np.testing.assert_array_equal(bank.unlearned(2), [[0.0, -2.0, -2.0, -2.0, -2.0]] * 2)
+    np.testing.assert_array_equal(bank.initial_weights(2), [[0.0, -2.0, -2.0, -2.0, -2.0]] * 2)
     assert KalmanBank.around(KalmanSettings(0.7, 0.4), False).filters == (KalmanSettings(0.7, 0.4),)
     first = BANK.initial_beliefs(PLACE[:2])
     np.testing.assert_array_equal(first.position, PLACE[[0, 0, 0, 1, 1, 1]])
