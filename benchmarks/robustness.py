@@ -35,7 +35,7 @@ from benchmarks.people import (
 )
 from benchmarks.tables import check_options_of_page, show, write_tables
 from pedpred.baselines.present_motion import PRESENT_MOTION, kalman_velocity
-from pedpred.command.evaluation import isolating_shifts, shifted
+from pedpred.command.evaluation import isolating_shifts, shift_times
 from pedpred.command.prediction import predictor_for
 from pedpred.command.recordings import open_scene
 from pedpred.errors import user_errors
@@ -118,7 +118,7 @@ def noise(options: argparse.Namespace, alone: bool = False) -> Iterator[Row]:
         people = scene.trajectories
         people = people.select(people.time_s < people.time_s.min() + options.seconds)
         if alone:
-            people = shifted(people, isolating_shifts(people))
+            people = shift_times(people, isolating_shifts(people))
             scene = replace(scene, occupancy=OccupancyMap.free_around(people.position))
         scene = replace(scene, trajectories=people)
         rate_hz = options.detections if 1.0 / scene.detection_dt_s > options.detections else 0.0

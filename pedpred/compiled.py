@@ -24,9 +24,7 @@ import importlib.metadata
 import logging
 import os
 import platform
-import time
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any
@@ -43,8 +41,6 @@ _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 _SETTINGS = ("OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "USING_SVML", "BOUNDSCHECK", "DEBUGINFO_DEFAULT")
 """Settings of numba that change machine code, besides those of the processor."""
 _CHECKSUM_BYTES = 32
-_UNUSED_S = 180 * 86400.0
-"""Time without use after which a file is removed."""
 _MODULES = ("math", "numpy")
 """Modules that loops may read: their content changes with a version of Python or numpy only."""
 _CODE = (
@@ -97,8 +93,6 @@ class _Cache(caching.NullCache):
             raw = read_bytes(path)
             if _checksum(raw[:-_CHECKSUM_BYTES]) != raw[-_CHECKSUM_BYTES:]:
                 return None
-            with suppress(OSError):
-                os.utime(path)
             whole = caching.IndexDataCacheFile(str(path.parent), "", "")._load_data(name)
             return compiler.CompileResult._rebuild(target, *whole)
         except Exception:  # a file that cannot be used is written again
@@ -115,7 +109,6 @@ class _Cache(caching.NullCache):
             data = serialize.dumps(result._reduce())
             with atomic_write(path) as new:
                 new.write_bytes(data + _checksum(data))
-            _remove_unused(path.parent)
         except Exception as cause:  # the compiled code works all the same
             _warn_once(type(cause).__name__)
 
@@ -159,15 +152,6 @@ def _warn_once(error: str) -> None:
         "set NUMBA_CACHE_DIR to a folder that can be written",
         error,
     )
-
-
-@functools.cache
-def _remove_unused(folder: Path) -> None:
-    """Remove files that have long been unused, once in a process."""
-    for path in folder.glob("*.loop"):
-        with suppress(OSError):
-            if path.stat().st_mtime < time.time() - _UNUSED_S:
-                path.unlink()
 
 
 def contents(loop: FunctionType) -> list[Any] | None:

@@ -58,10 +58,10 @@ class PedpredError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Restore message and attributes; constructors have other arguments than `args`."""
-        return _restored, (type(self), self.args), self.__dict__
+        return _restore, (type(self), self.args), self.__dict__
 
 
-def _restored(kind: type[PedpredError], args: tuple[Any, ...]) -> PedpredError:
+def _restore(kind: type[PedpredError], args: tuple[Any, ...]) -> PedpredError:
     error = kind.__new__(kind)
     error.args = args
     return error

@@ -169,17 +169,17 @@ def load(kind: type[Kind], plain: Any, path: str = "") -> Kind:
         elif "parse" in field.metadata:
             values[name] = field.metadata["parse"](plain[name], field_path(path, name))
         else:
-            values[name] = _made(hints[name], plain[name], field_path(path, name))
+            values[name] = _make(hints[name], plain[name], field_path(path, name))
     try:
         return kind(**values)
     except ValueRuleError as cause:
         raise ValueRuleError(field_path(path, cause.field), cause.value, cause.rule) from cause
 
 
-def _made(hint: Any, plain: Any, path: str) -> Any:
+def _make(hint: Any, plain: Any, path: str) -> Any:
     """Make what an annotation says of a plain value."""
     if get_origin(hint) is Annotated:
-        return _made(get_args(hint)[0], plain, path)
+        return _make(get_args(hint)[0], plain, path)
     origin, inside = get_origin(hint), get_args(hint)
     if is_dataclass(hint):
         return plain if isinstance(plain, hint) else load(hint, plain, path)  # type: ignore[arg-type]
@@ -188,7 +188,7 @@ def _made(hint: Any, plain: Any, path: str) -> Any:
     if _is(origin, Sequence) and is_dataclass(inside[0]):
         if not isinstance(plain, list | tuple):
             raise ValueRuleError(path, plain, "a list is needed")
-        return tuple(_made(inside[0], entry, f"{path}[{number}]") for number, entry in enumerate(plain))
+        return tuple(_make(inside[0], entry, f"{path}[{number}]") for number, entry in enumerate(plain))
     return tuple(plain) if origin is tuple and isinstance(plain, list) else plain
 
 
@@ -216,7 +216,7 @@ def load_each(kind: type[Kind], plain: Any, path: str = "") -> dict[str, Kind]:
         ValueRuleError: it is not a dictionary, or an entry breaks a rule of `load`.
     """
     check_mapping(path, plain)
-    return {name: _made(kind, entry, field_path(path, name)) for name, entry in plain.items()}
+    return {name: _make(kind, entry, field_path(path, name)) for name, entry in plain.items()}
 
 
 def check_mapping(field: str, value: Any) -> None:

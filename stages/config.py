@@ -21,8 +21,7 @@ from pedpred import config
 from pedpred.baselines.registry import baseline
 from pedpred.config import config_errors, configured, one_of, part, plain, read_params, row
 from pedpred.datasets.crops import CropSplit
-from pedpred.datasets.rows import EMBEDDED
-from pedpred.driving.trials import NO_WORLD
+from pedpred.driving.study import NO_WORLD
 from pedpred.errors import ConfigError, PedpredError
 from pedpred.evaluation import MetricSettings, Resampling
 from pedpred.features.perception import Following, parse_tracker
@@ -30,24 +29,26 @@ from pedpred.files import write_text
 from pedpred.forecasting import MethodRow
 from pedpred.models import ARCHITECTURES
 from pedpred.models.features import FEATURES
+from pedpred.models.lstm.encoding import EMBEDDED
 from pedpred.models.registry import parse_settings
 from pedpred.report.literature import read_published
 from pedpred.report.methods import Methods
-from pedpred.sequences import SequenceSets
+from pedpred.rows.recorded import ViewingSettings
+from pedpred.rows.sampling import RowSettings
+from pedpred.rows.simulated import SequenceSets, SimulatedSet
 from pedpred.settings import check_names, load, load_each, load_together
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.simulation.settings import SimulationSettings, social_force_settings
-from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.sources import SETTINGS
 from pedpred.sources.eth_ucy import EthUcySettings
 from pedpred.training import AutoencoderSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
-from stages import eth_ucy
+from stages import eth_ucy_train
 from stages.code import write_code
-from stages.drive import trials_of
-from stages.eth_ucy import MODELS, PHASES, ComparisonSettings, comparison_of
+from stages.drive import study_of
+from stages.eth_ucy import MODELS, ComparisonSettings, comparison_of
 from stages.fetch import mirrors_of
 from stages.folds import trained_sets
 from stages.perception import features_of, kalman_of, protocol_of
@@ -149,7 +150,7 @@ def _inputs(cfg: Params, key: str, read: Iterable[str]) -> None:
     architecture = cfg["methods"]["networks"][key]["settings"]["architecture"]
     features = features_of(cfg, ARCHITECTURES[architecture].features)
     columns = {name: np.zeros((0, *column.shape)) for name, column in features.columns().items()}
-    held = {*features.channels({"state": np.zeros((0, 2)), **columns}), EMBEDDED}
+    held = {*features.channels(columns), EMBEDDED}
     if missing := sorted(set(read) - held):
         rule = f"it reads {', '.join(missing)}, but its training rows hold {', '.join(sorted(held))}"
         raise ConfigError(f"methods.networks.{key}.settings.architecture", architecture, rule)
@@ -247,7 +248,7 @@ def _scenes(key: str, folder: str) -> None:
 
 def _driving(cfg: Params) -> None:
     _exports(cfg, "driving")
-    for name, place in trials_of(cfg).places.items():
+    for name, place in study_of(cfg).places.items():
         if place.world == NO_WORLD:
             _scenes(f"driving.places.{name}.input", place.input)
 
@@ -277,10 +278,12 @@ def _literature(cfg: Params) -> None:
         kalman_of(cfg, cfg["literature"]["tracker"])
     for name in part(cfg, "literature", "networks"):
         key, phases = f"literature.networks.{name}", part(cfg, "literature", "networks", name)
-        if set(phases) != set(PHASES):
-            raise ConfigError(key, ", ".join(phases), f"it must have {' and '.join(PHASES)}, nothing else")
+        if set(phases) != set(eth_ucy_train.PHASES):
+            raise ConfigError(
+                key, ", ".join(phases), f"it must have {' and '.join(eth_ucy_train.PHASES)}, nothing else"
+            )
         for phase in phases:
-            eth_ucy.phase_of(cfg, name, phase)
+            eth_ucy_train.phase_of(cfg, name, phase)
     _exports(cfg, "literature")
 
 

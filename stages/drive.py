@@ -7,28 +7,28 @@ from typing import Any
 from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, part, stage, stage_key
-from pedpred.driving.trials import TrialSettings, drive_block, write_trial
+from pedpred.driving.study import StudySettings, drive_block, write_study
 from pedpred.settings import load
 from pedpred.workers import in_parallel
 
 
-def trials_of(cfg: Mapping[str, Any]) -> TrialSettings:
+def study_of(cfg: Mapping[str, Any]) -> StudySettings:
     """Read which drives are done."""
     with configured("driving"):
         values = {key: value for key, value in part(cfg, "driving").items() if key != "exports"}
-        settings: TrialSettings = load(TrialSettings, values)
+        settings: StudySettings = load(StudySettings, values)
     return settings
 
 
 @stage("name")
 def main(cfg: DictConfig) -> None:
     """Write data/drives/<name> and reports/metrics/driving/<name>.json, several episodes at once."""
-    name, settings, out = stage_key(cfg), trials_of(cfg), Path(cfg.get("out", "."))
+    name, settings, out = stage_key(cfg), study_of(cfg), Path(cfg.get("out", "."))
     one_of("name", name, settings.places)
     tasks = [(settings, name, block) for block in settings.blocks()]
     rows = [row for done in in_parallel(drive_block, tasks, f"drive {name}", "block") for row in done]
     metrics = out / f"reports/metrics/driving/{name}.json"
-    write_trial(settings, name, rows, out / "data/drives" / name, metrics)
+    write_study(settings, name, rows, out / "data/drives" / name, metrics)
 
 
 if __name__ == "__main__":

@@ -13,17 +13,17 @@ from pedpred.errors import ConfigError
 from pedpred.models.features import RowFormat
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.encoding import encode_once, load_encoder
-from pedpred.storage.shards import read_crops, read_manifest, write_embeddings
+from pedpred.rows.files import read_crops, read_manifest, write_embeddings
 from pedpred.workers import in_parallel
 
 
-def embed_into(out: Path, features: Path, shard: str, made_with: RowFormat, encoder: GridEncoder) -> None:
+def embed_into(out: Path, features: Path, shard: str, row_format: RowFormat, encoder: GridEncoder) -> None:
     """One worker's job, on one thread, whatever their number: the embeddings of one scene, in half precision.
 
     Half precision is for training, which reads them many times; forecasts use exact embeddings.
     """
     torch.set_num_threads(1)
-    crops = read_crops(features, shard, made_with)
+    crops = read_crops(features, shard, row_format)
     write_embeddings((encode_once(encoder, block).astype(np.float16) for block in crops), out, shard)
 
 
@@ -37,9 +37,9 @@ def main(cfg: DictConfig) -> None:
     encoder = load_encoder(Path("models/autoencoder"))
     tasks = []
     for features in folders:
-        made_with, shards = read_manifest(features)
+        row_format, shards = read_manifest(features)
         folder = out / features.relative_to(rows)
-        tasks += [(folder, features, shard, made_with, encoder) for shard in shards]
+        tasks += [(folder, features, shard, row_format, encoder) for shard in shards]
     in_parallel(embed_into, tasks, f"embeddings of {rows}", "scene")
 
 

@@ -1,4 +1,4 @@
-"""What the stages of the comparison on ETH and UCY share: recordings, windows, folds and trainings."""
+"""What the stages of the comparison on ETH and UCY share: recordings, windows and settings."""
 
 from __future__ import annotations
 
@@ -9,24 +9,18 @@ from typing import Annotated, Any
 
 from omegaconf import DictConfig
 
-from pedpred.config import configured, one_of, part
+from pedpred.config import configured, part
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import WindowSet
 from pedpred.evaluation.observed import WindowSettings, find_observed_windows
 from pedpred.features.perception import Perception
-from pedpred.settings import LARGEST_SEED, In, Settings, check_choice, load, load_together
+from pedpred.settings import LARGEST_SEED, In, Settings, check_choice, load
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import KalmanBank
-from pedpred.training import FitSettings, InstantSettings, SequenceSettings
-from pedpred.training.sets import RealShare
 from stages.perception import kalman_of
 
 TOP, MODELS = Path("data/eth_ucy"), Path("models/eth_ucy")
 RECORDINGS = TOP / "recordings"
-PHASES = ("worlds", "recorded")
-"""Of a training: in simulation, then on the recordings of a fold."""
-Phase = tuple[FitSettings, RealShare | None]
-"""How a network is trained; and, if it learns from instants beside simulated ones, how much is recorded."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,18 +87,6 @@ def comparison_of(cfg: Mapping[str, Any]) -> ComparisonSettings:
     with configured("literature"):
         settings: ComparisonSettings = load(ComparisonSettings, {k: values[k] for k in names if k in values})
     return settings
-
-
-def phase_of(cfg: Mapping[str, Any], name: str, phase: str) -> Phase:
-    """Read how a network is trained in a phase."""
-    one_of("name", name, cfg["literature"]["networks"])
-    options = part(cfg, "literature", "networks", name, phase)
-    with configured(f"literature.networks.{name}.{phase}"):
-        if "shares" not in options:
-            return load(SequenceSettings, options), None
-        kinds = [InstantSettings, *([RealShare] if "real_share" in options else [])]
-        settings, *share = load_together(kinds, options)
-    return settings, share[0] if share else None
 
 
 def protocol_settings(cfg: Mapping[str, Any]) -> WindowSettings:

@@ -2,95 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from omegaconf import DictConfig
 
-from pedpred.config import configured, one_of, stage
+from pedpred.config import one_of, part, row, stage
 from pedpred.models import ARCHITECTURES
-from pedpred.storage.checkpoints import write_checkpoint
-from pedpred.storage.columns import count_rows
-from pedpred.storage.shards import has_rows
-from pedpred.storage.situations import read_situations_manifest
-from pedpred.training import FitSettings, InstantSettings
-from pedpred.training.distributed import distributed_context
-from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
+from pedpred.training import SequenceSettings
 from pedpred.workers import in_parallel
-from stages.eth_ucy import MODELS, PHASES, TOP, Phase, phase_of
-from stages.train import architecture_of, device_of
+from stages.eth_ucy import MODELS, TOP
+from stages.train import Inputs, Phase, count_real, read_phase, sets_of, train
 
 EMBEDDINGS, AUTOENCODER = TOP / "embeddings", Path("models/autoencoder")
+PHASES = ("worlds", "recorded")
+"""Of a training: in simulation, then on the recordings of a fold."""
 
 
-def rows_of(cfg: DictConfig, name: str) -> Path:
+def phase_of(cfg: Mapping[str, Any], name: str, phase: str) -> Phase:
+    """Read how a network is trained in a phase: as in a row of `training`, but for what is given."""
+    one_of("name", name, cfg["literature"]["networks"])
+    key = f"literature.networks.{name}.{phase}"
+    phases = part(cfg, "training") | {key: part(cfg, "literature", "networks", name, phase)}
+    return read_phase(key, row({"training": phases}, "training", key))
+
+
+def rows_of(cfg: DictConfig, network: str) -> Path:
     """Folder of the rows that a network reads."""
-    return TOP / "rows" / ARCHITECTURES[cfg.methods.networks[name].settings.architecture].features
+    return TOP / "rows" / ARCHITECTURES[cfg.methods.networks[network].settings.architecture].features
 
 
-def simulated(phase: Phase) -> FitSettings:
-    """How a network is trained in simulation."""
-    settings, _ = phase
-    if not isinstance(settings, InstantSettings):
-        return settings
-    return replace(settings, shares={f"simulated/{key}": share for key, share in settings.shares.items()})
-
-
-def recorded(phase: Phase, recordings: Sequence[str], rows: Path) -> tuple[FitSettings, list[str]]:
-    """How a network is trained on recordings, and the sets; none where no recording is available."""
-    settings, share = simulated(phase), phase[1]
-    sets = [f"recorded/{key}" for key in recordings]
-    if share is None or not isinstance(settings, InstantSettings):
-        return settings, [key for key in sets if has_rows(rows / key)]
-    sizes = {}
-    for key in sets:
-        if names := read_situations_manifest(rows / key)[1]:
-            sizes[key] = sum(count_rows(rows / key / f"{part}.parquet") for part in names)
-    shares = share.mixed(settings.shares, sizes) if sizes else {}
-    return replace(settings, shares=shares or settings.shares), list(shares)
-
-
-def train(
-    cfg: DictConfig,
-    name: str,
-    settings: FitSettings,
-    sets: Sequence[str],
-    previous: Path | None,
-    out: Path,
-    curve: Path,
-) -> None:
-    """Train network `name` on some sets; without any it is the one before. A job of one worker."""
-    if not sets:
-        assert previous is not None
-        copy_phase(previous, out, curve)
-        return
-    architecture, device, rows = architecture_of(cfg, name), device_of(cfg), rows_of(cfg, name)
-    folders, embeddings = ({key: top / key for key in sets} for top in (rows, EMBEDDINGS))
-    with configured("training"), distributed_context(device.device, device.autocast) as here:
-        loaded = load_rows(architecture, settings, folders, embeddings, AUTOENCODER)
-        network, progress, about = fit(architecture, previous, loaded, settings, f"literature, {out}", here)
-    if here.writes:
-        write_checkpoint(out, network.state_dict(), about)
-        write_curve(progress, curve)
-
-
-def worlds(cfg: DictConfig, name: str) -> Iterator[tuple[Any, ...]]:
+def worlds(cfg: DictConfig, network: str) -> Iterator[tuple[Any, ...]]:
     """What trains a network in simulation; one with a memory starts from the auto-encoder."""
-    settings = simulated(phase_of(cfg, name, "worlds"))
-    if not isinstance(settings, InstantSettings):
-        yield settings, ["simulated/worlds"], AUTOENCODER, name
-    else:
-        yield settings, list(settings.shares), None, name
+    settings, sets = sets_of(phase_of(cfg, network, "worlds"), {})
+    previous = AUTOENCODER if isinstance(settings, SequenceSettings) else None
+    yield settings, sets, Inputs(rows_of(cfg, network), EMBEDDINGS, AUTOENCODER, previous), network
 
 
-def folds(cfg: DictConfig, name: str) -> Iterator[tuple[Any, ...]]:
+def folds(cfg: DictConfig, network: str) -> Iterator[tuple[Any, ...]]:
     """What trains a network on the recordings of each fold, with each seed."""
+    rows, phase = rows_of(cfg, network), phase_of(cfg, network, "recorded")
+    given = Inputs(rows, EMBEDDINGS, AUTOENCODER, MODELS / "worlds" / network)
     for key, fold in cfg.literature.folds.items():
-        settings, sets = recorded(phase_of(cfg, name, "recorded"), fold.train, rows_of(cfg, name))
+        settings, sets = sets_of(phase, count_real(rows, [f"recorded/{name}" for name in fold.train]))
         for seed in cfg.literature.seeds:
-            yield replace(settings, seed=seed), sets, MODELS / "worlds" / name, f"{name}/{key}/{seed}"
+            yield replace(settings, seed=seed), sets, given, f"{network}/{key}/{seed}"
 
 
 @stage("phase")
@@ -103,9 +61,9 @@ def main(cfg: DictConfig) -> None:
     trainings = one_of("phase", cfg.phase, dict(zip(PHASES, (worlds, folds), strict=True)))
     out, curves = top / MODELS / cfg.phase, top / "reports/curves/literature" / cfg.phase
     tasks = [
-        (cfg, name, *how, out / key, curves / f"{key}.tsv")
-        for name in cfg.literature.networks
-        for *how, key in trainings(cfg, name)
+        (cfg, network, *how, out / key, curves / f"{key}.tsv")
+        for network in cfg.literature.networks
+        for *how, key in trainings(cfg, network)
     ]
     in_parallel(train, tasks, f"literature, {cfg.phase}", "training")
 

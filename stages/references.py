@@ -8,7 +8,7 @@ from typing import Any
 
 from pedpred.config import SETS, one_of, part
 from pedpred.driving.places import KINDS
-from pedpred.driving.trials import NO_WORLD
+from pedpred.driving.study import NO_WORLD
 from pedpred.models import ARCHITECTURES
 from pedpred.scenes import VARIANTS
 from pedpred.sources import SOURCES

@@ -5,65 +5,73 @@ Networks with a memory read all steps of all tracks, others single instants: `Mo
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 from omegaconf import DictConfig
 
 from pedpred.config import SETS, configured, one_of, plain, row, stage, stage_key
 from pedpred.features import extract_blocks
 from pedpred.features.perception import Perception, perceived
 from pedpred.models.features import RowFormat
+from pedpred.rows.files import scene_digest, step_columns, write_manifest, write_shard
+from pedpred.rows.recorded import ViewingSettings, rows_of_viewing
+from pedpred.rows.sampling import Rows, RowSampling, RowSettings
+from pedpred.rows.simulated import SequenceSets, SimulatedSet, rows_of_scene, rows_of_world, steps_of_world
 from pedpred.scenes import VARIANTS
-from pedpred.sequences import SequenceSets, collect_world_steps
 from pedpred.settings import load
 from pedpred.simulation.sensor import SensorSettings
-from pedpred.simulation.worlds import SensingSettings, WorldSettings
-from pedpred.situations import (
-    Recipe,
-    Rows,
-    RowSettings,
-    SimulatedSet,
-    ViewingSettings,
-    collect_scene_rows,
-    collect_viewing_rows,
-    collect_world_rows,
-)
-from pedpred.storage.manifests import write_about
 from pedpred.storage.scenes import read_scene, scene_folders
-from pedpred.storage.shards import FEATURE_SCHEMA, columns_of, write_manifest, write_shard
-from pedpred.storage.situations import situation_columns, write_situations, write_situations_manifest
 from pedpred.workers import in_parallel
 from stages.perception import features_of, perception_of, protocol_of, variants_of
 from stages.worlds import worlds_of
 
 SCENES = Path("data/scenes")
+Blocks = Iterable[Mapping[str, np.ndarray]]
+"""Rows of a file, block by block."""
 
 
-@dataclass(frozen=True)
-class RowSet:
+class RowSet(NamedTuple):
     """A folder of rows.
 
     Attributes:
-        tasks: function and arguments of what writes each of its files; jobs of one worker each.
-        finish: writes the manifest.
+        out: the folder.
+        row_format: of the rows.
+        files: name -> function that makes its blocks, and arguments; a job of one worker.
+        scenes: name of a file -> what identifies its scene.
     """
 
-    tasks: list[tuple[Any, ...]]
-    finish: Callable[[], None]
+    out: Path
+    row_format: RowFormat
+    files: Mapping[str, tuple[Any, ...]]
+    scenes: Mapping[str, str]
 
 
-def recipe_of(cfg: DictConfig, model: str) -> Recipe:
+def write_sets(sets: Sequence[RowSet], title: str) -> None:
+    """Write all files of some sets beside each other, then the manifests."""
+    tasks = [(it.out, it.row_format, name, *made) for it in sets for name, made in it.files.items()]
+    in_parallel(write_file, tasks, title, "file")
+    for it in sets:
+        write_manifest(it.out, it.row_format, it.scenes)
+
+
+def write_file(
+    out: Path, row_format: RowFormat, name: str, make: Callable[..., Blocks], *arguments: Any
+) -> None:
+    """Write the rows of a scene, world, viewing or recording. A job of one worker."""
+    write_shard(make(*arguments), out, name, row_format)
+
+
+def sampling_of(cfg: DictConfig, model: str) -> RowSampling:
     """Read how tracked people and their future become rows of a model's inputs."""
     protocol, how = protocol_of(cfg)
-    made_with = RowFormat(
-        replace(protocol, noncausal=False), model, features_of(cfg, model)
-    )  # true states need no differences
+    causal = replace(protocol, noncausal=False)  # true states need no differences
     with configured("situations.rows"):
-        return Recipe(load(RowSettings, plain(cfg.situations.rows)), made_with, how.standstill_mps)
+        settings = load(RowSettings, plain(cfg.situations.rows))
+    return RowSampling(settings, RowFormat(causal, model, features_of(cfg, model)), how.standstill_mps)
 
 
 def steps_of_scenes(cfg: DictConfig, model: str, kind: str, key: str, out: Path) -> RowSet:
@@ -74,102 +82,81 @@ def steps_of_scenes(cfg: DictConfig, model: str, kind: str, key: str, out: Path)
     source = cfg[SETS[kind]][key]
     variants = variants_of(f"{SETS[kind]}.{key}", source)
     how, protocol = perception_of(cfg, source)
-    made_with, phase_offsets = RowFormat(protocol, model, features_of(cfg, model)), 1
+    row_format, phase_offsets = RowFormat(protocol, model, features_of(cfg, model)), 1
     if not protocol.noncausal:  # resampled tracks have one phase
         phase_offsets = source.phase_offsets
-    folders = [path for path in scene_folders(SCENES / kind / key) if read_scene(path).stand_in is None]
-    seen = [(folder, each) for folder in folders for each in ("", *variants)]
-    tasks = [(write_steps, out, *one, how, made_with, phase_offsets) for one in seen]
-    shards = {shard_name(*one): one[0] for one in seen}
-    return RowSet(tasks, lambda: write_manifest(out, made_with, shards))
+    files, scenes = {}, {}
+    for folder in scene_folders(SCENES / kind / key):
+        if read_scene(folder).stand_in is None:
+            digest = scene_digest(folder)
+            for variant in ("", *variants):
+                name = f"{folder.name}_{variant}" if variant else folder.name
+                files[name] = (scene_steps, folder, variant, name, how, row_format, phase_offsets)
+                scenes[name] = digest
+    return RowSet(out, row_format, files, dict(sorted(scenes.items())))
 
 
-def write_steps(
-    out: Path, folder: Path, variant: str, how: Perception, made_with: RowFormat, phase_offsets: int
-) -> None:
-    """Write the steps of one scene or of a variant of it."""
+def scene_steps(
+    folder: Path, variant: str, name: str, how: Perception, row_format: RowFormat, phase_offsets: int
+) -> Blocks:
+    """Steps of a scene or of a variant of it."""
     real = read_scene(folder)
     if variant:
-        real = replace(VARIANTS[variant](real), name=shard_name(folder, variant))
-    protocol, features = made_with.protocol, made_with.features
+        real = replace(VARIANTS[variant](real), name=name)
+    protocol, features = row_format.protocol, row_format.features
     scene, tracks = perceived(real, how, protocol)
     blocks = extract_blocks(
         scene, tracks, protocol, features, truth=real.trajectories, phase_offsets=phase_offsets
     )
-    write_shard(blocks, out, scene.name)
-
-
-def shard_name(folder: Path, variant: str) -> str:
-    """Return the name of a scene's shard, or of its variant's."""
-    return f"{folder.name}_{variant}" if variant else folder.name
+    return map(step_columns, blocks)
 
 
 def steps_of_worlds(cfg: DictConfig, model: str, out: Path) -> RowSet:
     """All steps of simulated worlds through random sensors."""
     with configured("sequences"):
         sets = load(SequenceSets, plain(cfg.sequences))
-    worlds, recipe = worlds_of(cfg), recipe_of(cfg, model)
-    todo = [(kind, number) for kind, count in sets.worlds.items() for number in range(count)]
-    tasks = [(write_world_steps, out, *world, *worlds, recipe) for world in todo]
-    names = sorted(f"{kind}_{number:03}" for kind, number in todo)
-    shards = {name: {"scene_sha256": hashlib.sha256(name.encode()).hexdigest()} for name in names}
-    made_with = recipe.made_with
-    return RowSet(
-        tasks,
-        lambda: write_about(out, FEATURE_SCHEMA, made_with, columns_of(made_with), {"shards": shards}),
-    )
+    worlds, sampling = worlds_of(cfg), sampling_of(cfg, model)
+    files = {
+        f"{kind}_{number:03}": (world_steps, kind, number, *worlds, sampling)
+        for kind, count in sets.worlds.items()
+        for number in range(count)
+    }
+    return RowSet(out, sampling.row_format, files, {name: name for name in sorted(files)})
 
 
-def write_world_steps(
-    out: Path, kind: str, number: int, worlds: WorldSettings, sensing: SensingSettings, recipe: Recipe
-) -> None:
-    """Write the steps of one world."""
-    write_shard(collect_world_steps(kind, number, worlds, sensing, recipe), out, f"{kind}_{number:03}")
-
-
-def instants(out: Path, recipe: Recipe, tasks: list[tuple[Any, ...]]) -> RowSet:
-    """Rows of single instants.
-
-    Args:
-        out: folder of the set.
-        recipe: of the rows.
-        tasks: name of a file, and what makes its rows with which arguments.
-    """
-    names = [name for name, *_ in tasks]
-    writing = [(write_instants, out, recipe.made_with, *task) for task in tasks]
-    return RowSet(writing, lambda: write_situations_manifest(out, recipe.made_with, names))
-
-
-def write_instants(
-    out: Path, made_with: RowFormat, name: str, make: Callable[..., Rows], *arguments: Any
-) -> None:
-    """Write the rows of one world, scene or viewing."""
-    write_situations(make(*arguments), out, name, situation_columns(made_with))
+def world_steps(*arguments: Any) -> Blocks:
+    """Steps of a world; arguments of `steps_of_world`."""
+    return map(step_columns, steps_of_world(*arguments))
 
 
 def instants_of_worlds(cfg: DictConfig, model: str, key: str, out: Path) -> RowSet:
     """Instants of worlds, or of simulated scenes."""
     with configured(f"situations.simulated.{key}"):
         chosen = load(SimulatedSet, plain(cfg.situations.simulated[key]))
-    (worlds, sensing), recipe = worlds_of(cfg), recipe_of(cfg, model)
-    tasks: list[tuple[Any, ...]]
+    (worlds, sensing), sampling = worlds_of(cfg), sampling_of(cfg, model)
+    files: dict[str, tuple[Any, ...]]
     if chosen.kind == "arrangement":
         folders = scene_folders(Path(chosen.input))[: chosen.worlds]
-        tasks = [(folder.name, scene_rows, folder, chosen, sensing, recipe) for folder in folders]
+        files = {it.name: (instants_of_scene, it, chosen, sensing, sampling) for it in folders}
     else:
-        numbers = range(chosen.worlds)
-        tasks = [(f"{key}_{n:03}", collect_world_rows, n, chosen, worlds, sensing, recipe) for n in numbers]
-    return instants(out, recipe, tasks)
+        given = (chosen, worlds, sensing, sampling)
+        files = {f"{key}_{n:03}": (instants, rows_of_world, n, *given) for n in range(chosen.worlds)}
+    return RowSet(out, sampling.row_format, files, {name: name for name in files})
 
 
-def scene_rows(folder: Path, *arguments: Any) -> Rows:
+def instants(make: Callable[..., Rows], *arguments: Any) -> Blocks:
+    """Rows as a single block."""
+    return [make(*arguments)]
+
+
+def instants_of_scene(folder: Path, *arguments: Any) -> Blocks:
     """Read a simulated scene and make its rows."""
-    return collect_scene_rows(read_scene(folder), *arguments)
+    return [rows_of_scene(read_scene(folder), *arguments)]
 
 
 def instants_of_place(cfg: DictConfig, model: str, key: str, out: Path) -> RowSet:
     """Instants of the viewings of a place; none where no real people were recorded, nor of stand-ins."""
-    sensor, recipe = cfg.places[key].sensor, recipe_of(cfg, model)
+    sensor, sampling = cfg.places[key].sensor, sampling_of(cfg, model)
     with configured(f"sensors.{sensor}"):
         rate_hz = load(SensorSettings, row(cfg, "sensors", sensor)).rate_hz
     with configured("situations.real"):
@@ -177,13 +164,13 @@ def instants_of_place(cfg: DictConfig, model: str, key: str, out: Path) -> RowSe
     folder = SCENES / "real" / key
     scene = read_scene(folder)
     numbers = range(0 if scene.unavailable or scene.stand_in else settings.viewings)
-    tasks = [(f"{key}_{n}", viewed_rows, folder, n, rate_hz, settings, recipe) for n in numbers]
-    return instants(out, recipe, tasks)
+    files = {f"{key}_{n}": (instants_of_viewing, folder, n, rate_hz, settings, sampling) for n in numbers}
+    return RowSet(out, sampling.row_format, files, {name: name for name in files})
 
 
-def viewed_rows(folder: Path, number: int, *arguments: Any) -> Rows:
+def instants_of_viewing(folder: Path, number: int, *arguments: Any) -> Blocks:
     """Read a recording and make the rows of one viewing."""
-    return collect_viewing_rows(number, read_scene(folder), *arguments)
+    return [rows_of_viewing(number, read_scene(folder), *arguments)]
 
 
 def sets_of(cfg: DictConfig, model: str, kind: str, out: Path) -> Iterator[RowSet]:
@@ -208,15 +195,8 @@ def main(cfg: DictConfig) -> None:
     one_of("name", model, cfg.features)
     out = Path(cfg.get("out") or f"data/rows/{model}/{kind}")
     sets = list(sets_of(cfg, model, kind, out))
-    out.mkdir(parents=True, exist_ok=True)
-    in_parallel(call, [task for each in sets for task in each.tasks], f"rows of {model}, {kind}", "file")
-    for each in sets:
-        each.finish()
-
-
-def call(job: Callable[..., None], *arguments: Any) -> None:
-    """A job of one worker."""
-    job(*arguments)
+    out.mkdir(parents=True, exist_ok=True)  # though there may be no set
+    write_sets(sets, f"rows of {model}, {kind}")
 
 
 if __name__ == "__main__":

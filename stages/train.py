@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
+from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from omegaconf import DictConfig
@@ -13,13 +14,12 @@ from omegaconf import DictConfig
 from pedpred.config import configured, one_of, part, stage, stage_key
 from pedpred.models.contract import NetworkSettings
 from pedpred.models.registry import parse_settings
+from pedpred.rows.files import count_rows_of
 from pedpred.settings import Settings, load, load_together
 from pedpred.storage.checkpoints import write_checkpoint
-from pedpred.storage.shards import has_rows
-from pedpred.storage.situations import read_situations_manifest
 from pedpred.training import FitSettings, InstantSettings, SequenceSettings
 from pedpred.training.distributed import DeviceSettings, distributed_context
-from pedpred.training.fit import copy_phase, fit, load_rows, write_curve
+from pedpred.training.fit import copy_phase, fit, load_training_rows, write_curve
 from pedpred.training.sets import NamedSets, RealShare
 from pedpred.workers import in_parallel
 from stages.folds import trained_sets
@@ -83,20 +83,38 @@ def architecture_of(cfg: Mapping[str, Any], name: str) -> NetworkSettings:
 
 def phase_of(cfg: Mapping[str, Any], phase: str) -> Phase:
     """Read a row of `training`: how to train, and what it says about its sets."""
-    options = part(cfg, "training", phase)
+    return read_phase(f"training.{phase}", part(cfg, "training", phase))
+
+
+def read_phase(key: str, options: Mapping[str, Any]) -> Phase:
+    """Make a phase of its options; `key` names them in errors."""
     how = InstantSettings if "shares" in options else SequenceSettings
-    with configured(f"training.{phase}"):
+    with configured(key):
         kinds = [kind for kind, name in ((NamedSets, "sets"), (RealShare, "real_share")) if name in options]
         settings, *data = load_together([how, *kinds], options)
     return settings, data[0] if data else None
 
 
-def recorded_sets(cfg: DictConfig, fold: Mapping[str, Any] | None, rows: Path, steps: bool) -> list[str]:
-    """Names of the sets of a fold, or of all places, that have people: kind/name."""
-    named = [f"real/{key}" for key in cfg.places] if fold is None else trained_sets(fold, cfg.places)
-    if steps:
-        return [key for key in named if has_rows(rows / key)]
-    return [key for key in named if key.startswith("real/") and read_situations_manifest(rows / key)[1]]
+def sets_of(phase: Phase, real: Mapping[str, int]) -> tuple[FitSettings, list[str]]:
+    """How and on which sets a network is trained: kind/name of each.
+
+    Args:
+        phase: of the training.
+        real: real sets that may be trained on -> number of their rows.
+    """
+    settings, data = phase
+    if isinstance(settings, InstantSettings):
+        shares = {f"simulated/{key}": share for key, share in settings.shares.items()}
+        share = data if isinstance(data, RealShare) else RealShare()
+        settings = replace(settings, shares=share.mix(shares, real))
+        return settings, list(settings.shares)
+    return settings, list(data.sets if isinstance(data, NamedSets) else real)
+
+
+def count_real(rows: Path, sets: Iterable[str]) -> dict[str, int]:
+    """Number of rows of those real sets that have some."""
+    counts = {key: count_rows_of(rows / key) for key in sets}
+    return {key: count for key, count in counts.items() if count}
 
 
 def networks_of(cfg: Mapping[str, Any], architecture: str) -> list[str]:
@@ -105,38 +123,59 @@ def networks_of(cfg: Mapping[str, Any], architecture: str) -> list[str]:
     return [name for name, row in rows if row["settings"]["architecture"] == architecture]
 
 
-def previous_of(row: Training, network: str) -> Path | None:
-    """Checkpoint that a network starts from."""
-    if row.previous == NONE:
-        return None
-    return Path(row.previous) if row.previous == row.encoder else Path(row.previous, network)
+class Inputs(NamedTuple):
+    """What a training reads.
+
+    Attributes:
+        rows: folder of the sets, by kind and name.
+        embeddings: of the frozen encoder's outputs for them, likewise.
+        encoder: its checkpoint.
+        previous: checkpoint of the weights to start from, or of the encoder; None: random weights.
+    """
+
+    rows: Path
+    embeddings: Path
+    encoder: Path
+    previous: Path | None
+
+
+def inputs_of(row: Training, network: str) -> Inputs:
+    """What a training of a network reads."""
+    rows, embeddings, encoder = Path(row.rows), Path(row.embeddings), Path(row.encoder)
+    if rows.name == "simulated":
+        rows, embeddings = rows.parent, embeddings.parent
+    previous = Path(row.previous) if row.previous == row.encoder else Path(row.previous, network)
+    return Inputs(rows, embeddings, encoder, None if row.previous == NONE else previous)
+
+
+def real_sets(cfg: DictConfig, row: Training, fold: Mapping[str, Any] | None, steps: bool) -> list[str]:
+    """Names of the sets that a training may read beside those of its phase: of a fold, or of all places."""
+    if Path(row.rows).name == "simulated":
+        return []
+    named = [f"real/{key}" for key in cfg.places] if fold is None else trained_sets(fold, cfg.places)
+    return [key for key in named if steps or key.startswith("real/")]
 
 
 def train(
-    cfg: DictConfig, row: Training, network: str, fold: Mapping[str, Any] | None, out: Path, curve: Path
+    cfg: DictConfig,
+    network: str,
+    settings: FitSettings,
+    sets: list[str],
+    given: Inputs,
+    out: Path,
+    curve: Path,
 ) -> None:
-    """Train a network on the sets of its phase, of a fold or of all places. A job of one worker."""
-    settings, data = phase_of(cfg, row.phase)
-    architecture, device, previous = architecture_of(cfg, network), device_of(cfg), previous_of(row, network)
-    simulation = Path(row.rows).name == "simulated"
-    rows, embedded = (Path(top).parent if simulation else Path(top) for top in (row.rows, row.embeddings))
-    if isinstance(data, NamedSets):
-        sets = list(data.sets)
-    else:
-        sets = [] if simulation else recorded_sets(cfg, fold, rows, isinstance(settings, SequenceSettings))
-    if isinstance(settings, InstantSettings):
-        shares = {f"simulated/{key}": share for key, share in settings.shares.items()}
-        share = data if isinstance(data, RealShare) else RealShare()
-        settings = replace(settings, shares=share.mixed(shares, dict.fromkeys(sets, 1)))
-        sets = list(settings.shares)
-    elif not sets:
-        assert previous is not None
-        copy_phase(previous, out, curve)
+    """Train a network on some sets; without any it is the one before. A job of one worker."""
+    if not sets:
+        assert given.previous is not None
+        copy_phase(given.previous, out, curve)
         return
-    folders, embeddings = ({key: top / key for key in sets} for top in (rows, embedded))
+    architecture, device = architecture_of(cfg, network), device_of(cfg)
+    title = f"{curve.parent.name}, {curve.stem}"
+    rows, embeddings = ({key: top / key for key in sets} for top in (given.rows, given.embeddings))
     with configured("training"), distributed_context(device.device, device.autocast) as here:
-        loaded = load_rows(architecture, settings, folders, embeddings, Path(row.encoder))
-        trained, progress, about = fit(architecture, previous, loaded, settings, curve.stem, here)
+        loaded = load_training_rows(architecture, rows, embeddings, given.encoder)
+        trained, progress, about = fit(architecture, given.previous, loaded, settings, title, here)
         if here.writes:
             write_checkpoint(out, trained.state_dict(), about)
             write_curve(progress, curve)
@@ -157,11 +196,12 @@ def main(cfg: DictConfig) -> None:
         named = [(f"finetune_{key}", folds[key], key) for key in chosen("fold", cfg.get("fold"), list(folds))]
     else:
         named = [(name.removeprefix(f"{row.architecture}_"), None, "")]
-    tasks = [
-        (cfg, row, network, fold, out / network / key, curves / f"{title}_{network}.tsv")
-        for network in networks
-        for title, fold, key in named
-    ]
+    phase, tasks = phase_of(cfg, row.phase), []
+    for network, (title, fold, key) in product(networks, named):
+        given = inputs_of(row, network)
+        real = real_sets(cfg, row, fold, isinstance(phase[0], SequenceSettings))
+        how = sets_of(phase, count_real(given.rows, real))
+        tasks.append((cfg, network, *how, given, out / network / key, curves / f"{title}_{network}.tsv"))
     in_parallel(train, tasks, name, "training")
 
 

@@ -112,7 +112,7 @@ def browser():
 
 
 LONGEST = [
-    "pipeline", "page_commands", "own_place", "adding_things", "broken_streams", "driving_trials",
+    "pipeline", "page_commands", "own_place", "adding_things", "broken_streams", "driving_study",
     "compile_cache", "package", "machines", "ablation", "worlds", "warm_up", "processes", "site",
     "formats", "laws", "config", "page", "house", "folds", "evaluate", "compiled", "driving",
     "evaluation_memory", "mixture",

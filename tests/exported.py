@@ -120,4 +120,4 @@ def rows_of(state, future, tracks, made_with=LSTM_ROWS, **given):
     usual = {"spans": spans, "future_steps": torch.full((len(state),), future.shape[1])}
     fields = {name: given.pop(name) for name in ("spans", "future_steps", "empty") if name in given}
     channels = {"state": state, "angular": torch.zeros(len(state), 72)} | given
-    return TrainingRows(channels, future, sets=("tracks",), made_with=made_with, **usual | fields)
+    return TrainingRows(channels, future, sets=("tracks",), row_format=made_with, **usual | fields)

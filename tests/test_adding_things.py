@@ -154,7 +154,7 @@ def additions():
             "conf/trainings/curriculum.yaml": {"": TRAININGS},
         },
         "input channel of the LSTM": {
-            "pedpred/models/contract.py": {
+            "pedpred/models/lstm/network.py": {
                 "CHANNELS = ": Instead('CHANNELS = ("state", "grid", "angular", "crowd")')
             },
             "pedpred/models/lstm/features/__init__.py": FEATURES,

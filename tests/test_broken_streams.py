@@ -123,7 +123,7 @@ def test_a_queue_that_catches_up_is_no_noisier():
     assert mean_error_m(queue, many) < mean_error_m(STREAMS["1 Hz"], many)
 
 
-def test_a_clock_that_changes_while_nobody_is_there_costs_nothing():
+def test_a_clock_that_changes_without_people_costs_nothing():
     """Regions learn, and nothing is kept for ever."""
     rng = np.random.default_rng(3)
     other, *robots = (OnlinePredictor.load() for _ in range(4))

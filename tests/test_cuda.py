@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from pedpred.datasets.rows import load_instants
+from pedpred.datasets.rows import load_rows
 from pedpred.models.registry import load_network
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training import train
@@ -35,7 +35,7 @@ def of_sequences(here):
 def of_instants(here, folders):
     torch.manual_seed(0)
     network = instants.NETWORK.build(widths_of(instants.SIZES), instants.STEPS).to(here.device)
-    return instants.QUICK.learner(network, load_instants(folders).to(here.device), here)
+    return instants.QUICK.learner(network, load_rows(folders).to(here.device), here)
 
 
 @pytest.fixture(params=["sequences", "instants"])
@@ -93,7 +93,7 @@ def test_narrow_products_change_a_loss_by_their_rounding_only(learner):
 
 
 def test_networks_that_were_trained_on_cuda_are_read_where_there_is_none(folders, tmp_path):
-    rows = load_instants(folders)
+    rows = load_rows(folders)
     start, _, about = fit(instants.NETWORK, None, rows, instants.QUICK, "", CUDA)
     write_checkpoint(tmp_path / "start", start.state_dict(), about)
     several = dataclasses.replace(instants.QUICK, runs=3)

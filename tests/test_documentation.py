@@ -74,7 +74,7 @@ def test_a_table_has_a_row_per_method_and_training_and_marks_the_best():
     assert tables["main"].count("| a hall |") == 2
 
 
-def test_the_tables_stay_as_they_are_while_a_tested_place_has_no_figures(tmp_path, caplog):
+def test_tables_stay_while_a_tested_place_has_no_figures(tmp_path, caplog):
     shutil.copy(ROOT / "params.yaml", tmp_path)
     for name in ("reports/metrics", "conf/report"):
         shutil.copytree(ROOT / name, tmp_path / name)
@@ -85,13 +85,13 @@ def test_the_tables_stay_as_they_are_while_a_tested_place_has_no_figures(tmp_pat
     del found["lab_corner"]
     path.write_text(json.dumps(found))
     assert readme.pages(tmp_path) == {}
-    assert "the tables stay as they are: there are no figures of lab_corner" in caplog.text
+    assert "lab_corner" in caplog.text
 
 
 # Style
 
 
-def test_a_quaint_phrase_and_a_long_page_are_found_and_code_is_not_searched():
+def test_quaint_phrases_and_long_pages_are_found():
     words = {"so many thing": "things"}
     text = "`so many thing`\n\n```\nso many thing\n```\nsee so\nmany thing"
     assert list(prose.faults(text, "a.md", words)) == ["a.md:6: 'so many thing', write: things"]

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from pedpred.command import main
-from pedpred.command.evaluation import isolating_shifts, shifted
+from pedpred.command.evaluation import isolating_shifts, shift_times
 from pedpred.command.forecast_tables import COLUMNS
 from pedpred.command.prediction import predictor_for
 from pedpred.command.recordings import open_scene
@@ -155,7 +155,7 @@ def test_thresholds_are_published_ones_and_reach_their_metrics(hall, measured):
 
 def test_alone_means_each_person_by_itself(hall, mixture):
     scene, settings = read_scene(hall), EvaluationSettings(bootstrap=1)
-    isolated = shifted(scene.trajectories, isolating_shifts(scene.trajectories))
+    isolated = shift_times(scene.trajectories, isolating_shifts(scene.trajectories))
     robot = predictor_for(scene, mixture[0], learn_trust=False)  # as `--alone` has it
     together = assess(dataclasses.replace(scene, trajectories=isolated), robot, settings)["network"]
     people = scene.trajectories.track_id
@@ -366,11 +366,11 @@ def test_forecasts_follow_their_people_through_every_option(options, recording, 
 def test_isolated_tracks_share_no_instant_and_keep_their_times(circles):
     people = open_scene(circles / "walk.csv").trajectories
     shift_s = isolating_shifts(people)
-    alone = shifted(people, shift_s)
+    alone = shift_times(people, shift_s)
     first, last = ([f(alone.time_s[alone.track_id == who]) for who in AROUND] for f in (np.min, np.max))
     assert (np.subtract(first[1:], last[:-1]) > 9).all()
     for who in AROUND:
         then, now = (p.time_s[p.track_id == who] for p in (people, alone))
         np.testing.assert_allclose(np.diff(now), np.diff(then), atol=1e-9)
     stranger = dataclasses.replace(people, track_id=people.track_id + 100)
-    np.testing.assert_array_equal(shifted(stranger, shift_s).time_s, stranger.time_s)
+    np.testing.assert_array_equal(shift_times(stranger, shift_s).time_s, stranger.time_s)

@@ -9,13 +9,14 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.datasets.rows import load_instants, select_held_out
+from pedpred.datasets.rows import load_rows
+from pedpred.datasets.splits import select_held_out
 from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol
 from pedpred.models.features import RowFormat
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.registry import parse_settings
-from pedpred.storage.situations import situation_columns, write_situations, write_situations_manifest
+from pedpred.rows.files import write_manifest, write_shard
 from pedpred.training.distributed import DistributedContext
 from pedpred.training.instants import InstantSettings
 from pedpred.training.loop import train
@@ -44,8 +45,8 @@ def folders(tmp_path_factory):
             columns["future"] = (
                 columns["state"][:, None] * np.where(near, 0.0, 1.0)[:, None, None] * np.ones((4, 1))
             )
-            write_situations(columns, root / name, f"w{world}", situation_columns(MADE_WITH))
-        write_situations_manifest(root / name, MADE_WITH, [f"w{world}" for world in range(worlds)])
+            write_shard([columns], root / name, f"w{world}", MADE_WITH)
+        write_manifest(root / name, MADE_WITH, {f"w{world}": str(world) for world in range(worlds)})
     return {name: root / name for name in "ab"}
 
 
@@ -53,18 +54,18 @@ def learner(folders, how=QUICK, **context):
     torch.manual_seed(0)
     network = NETWORK.build(widths_of(SIZES), STEPS)
     here = DistributedContext(torch.device("cpu"), **context)
-    return how.learner(network, load_instants(folders), here)
+    return how.learner(network, load_rows(folders), here)
 
 
-def test_rows_are_those_on_disk_and_sets_have_equal_sizes(folders, tmp_path):
-    data = load_instants(folders)
+def test_rows_are_those_on_disk_and_sets_must_have_the_same_sizes(folders, tmp_path):
+    data = load_rows(folders)
     assert len(data.future) == 120
     assert data.by_set["b"].tolist()[0] == [80, 90]
     assert {name: v.shape[1] for name, v in data.channels.items()} == widths_of(SIZES)
     fewer = dataclasses.replace(MADE_WITH, features=dataclasses.replace(SIZES, beams=8))
-    write_situations_manifest(tmp_path, fewer, [])
-    with pytest.raises(ValueRuleError):
-        load_instants({"a": folders["a"], "other": tmp_path})
+    write_manifest(tmp_path, fewer, {})
+    with pytest.raises(ValueRuleError, match=r"other, beams.*a has 16"):
+        load_rows({"a": folders["a"], "other": tmp_path})
 
 
 def test_a_training_goes_on_where_it_was_interrupted(folders, tmp_path):
@@ -83,7 +84,7 @@ def test_a_training_goes_on_where_it_was_interrupted(folders, tmp_path):
 
 def test_an_encoder_may_stay_as_it_was_drawn(folders):
     settings = dataclasses.replace(NETWORK, frozen=["beams"])
-    data = load_instants(folders)
+    data = load_rows(folders)
     taught = QUICK.learner(settings.build(widths_of(SIZES), STEPS), data)
     before = {name: weights.clone() for name, weights in taught.network.state_dict().items()}
     train(taught, None, "train")

@@ -121,7 +121,7 @@ def test_a_memory_begins_with_the_window_and_reads_all_8_annotations():
         with torch.inference_mode():
             inputs = {name: torch.from_numpy(values)[None] for name, values in channels.items()}
             outputs, _ = network(inputs, network.start(1))
-            answer = network.answer({name: values[:, -1] for name, values in outputs.items()}, 0.4)
+            answer = network.decode({name: values[:, -1] for name, values in outputs.items()}, 0.4)
         again = predictions_of({name: values.numpy() for name, values in answer.items()}, 0.4)
         point = again.in_world(asked.position[w : w + 1], asked.heading_rad[w : w + 1]).point[0]
         np.testing.assert_allclose(forecasts.point[w], point, atol=1e-4)
@@ -259,7 +259,7 @@ def test_the_command_measures_the_windows_of_the_pipeline():
 
 
 def test_shares_follow_the_root_of_the_sizes():
-    shares = RealShare(real_share=0.6, size_exponent=0.5).mixed(
+    shares = RealShare(real_share=0.6, size_exponent=0.5).mix(
         {"room": 3.0, "square": 1.0}, {"eth": 100, "univ": 10000}
     )
     assert shares == pytest.approx({"room": 0.3, "square": 0.1, "eth": 0.6 / 11, "univ": 6 / 11})

@@ -14,13 +14,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.datasets.crops import CropSplit, crops_of
-from pedpred.datasets.lanes import SplitSettings, split_sequences
-from pedpred.datasets.rows import load_sequences
+from pedpred.datasets.rows import load_rows
+from pedpred.datasets.splits import SplitSettings, split_sequences
 from pedpred.errors import NO_ROOM, ValueRuleError
-from pedpred.features import FeatureTable, extract_blocks
+from pedpred.features import extract_blocks
+from pedpred.rows.files import (
+    read_shard,
+    scene_digest,
+    step_columns,
+    write_embeddings,
+    write_manifest,
+    write_shard,
+)
 from pedpred.storage.mapped import MappedRows
 from pedpred.storage.scenes import write_scene
-from pedpred.storage.shards import read_shard, write_embeddings, write_manifest, write_shard
 from tests.disk import small_files
 from tests.exported import LSTM_ROWS
 from tests.worlds import tracked, walled_scene
@@ -55,12 +62,16 @@ def stored(tmp_path_factory):
         scene = walled_scene(np.random.default_rng(index))
         blocks = list(extract_blocks(scene, tracked(scene), LSTM_ROWS.protocol, LSTM_ROWS.features, rows=100))
         assert len(blocks) > 1
-        write_shard(blocks, folder, name)
+        write_shard(map(step_columns, blocks), folder, name, LSTM_ROWS)
         write_embeddings(
             (code_of(block.inputs["occupancy"]) for block in blocks), folder / "embeddings", name
         )
         write_scene(scene, folder / "scenes" / scene_name)
-    write_manifest(folder, LSTM_ROWS, {name: folder / "scenes" / scene for name, scene in SHARDS.items()})
+    write_manifest(
+        folder,
+        LSTM_ROWS,
+        {name: scene_digest(folder / "scenes" / scene) for name, scene in SHARDS.items()},
+    )
     return folder
 
 
@@ -105,23 +116,23 @@ def test_rows_on_disk_are_no_memory_of_the_process(tmp_path):
 
 
 def test_a_data_set_is_its_shards_in_a_row(stored):
-    data = load_sequences({"a": stored}, {"a": stored / "embeddings"})
-    tables = [read_shard(stored, name, LSTM_ROWS) for name in SHARDS]
-    whole = FeatureTable.join(tables)
-    channels = LSTM_ROWS.features.channels({"state": whole.velocity, **whole.inputs})
-    for name, values in (channels | {"grid": code_of(whole.inputs["occupancy"])}).items():
+    data = load_rows({"a": stored}, {"a": stored / "embeddings"})
+    blocks = [block for name in SHARDS for block in read_shard(stored, name, LSTM_ROWS)]
+    whole = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    channels = LSTM_ROWS.features.channels(whole)
+    for name, values in (channels | {"grid": code_of(whole["occupancy"])}).items():
         np.testing.assert_array_equal(data.channels[name].numpy(), values)
-    np.testing.assert_array_equal(data.future.numpy(), whole.future)
-    np.testing.assert_array_equal(data.future_steps.numpy(), whole.future_steps)
-    starts = np.flatnonzero(np.concatenate([table.step for table in tables]) == 0)
+    np.testing.assert_array_equal(data.future.numpy(), whole["future"])
+    np.testing.assert_array_equal(data.future_steps.numpy(), whole["future_steps"])
+    starts = np.flatnonzero(whole["step"] == 0)
     np.testing.assert_array_equal(data.spans.rows[:, 0], starts)
     np.testing.assert_array_equal(data.spans.rows[:, 1], [*starts[1:], len(data.future)])
-    np.testing.assert_array_equal(data.spans.track, np.concatenate([t.track_id for t in tables])[starts])
+    np.testing.assert_array_equal(data.spans.track, whole["track_id"][starts])
 
 
 def test_loading_takes_as_much_memory_for_more_shards(stored, tmp_path):
     def peak(copies):
-        scenes = {f"copy{i}": stored / "scenes" / "a" for i in range(copies)}
+        scenes = {f"copy{i}": "a" for i in range(copies)}
         folder = tmp_path / str(copies)
         for part, name in itertools.product((folder, folder / "embeddings"), scenes):
             part.mkdir(parents=True, exist_ok=True)
@@ -129,7 +140,7 @@ def test_loading_takes_as_much_memory_for_more_shards(stored, tmp_path):
             (part / f"{name}.parquet").symlink_to(source)
         write_manifest(folder, LSTM_ROWS, scenes)
         tracemalloc.start()
-        data = load_sequences({"a": folder}, {"a": folder / "embeddings"})
+        data = load_rows({"a": folder}, {"a": folder / "embeddings"})
         found = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return found, sum(t.nbytes for t in (data.channels["angular"], data.future, data.channels["grid"]))
@@ -140,7 +151,7 @@ def test_loading_takes_as_much_memory_for_more_shards(stored, tmp_path):
 
 @pytest.mark.parametrize("by", ["scene", "track"])
 def test_variants_of_a_scene_stay_on_one_side_of_a_split(stored, by):
-    data = load_sequences({"a": stored})
+    data = load_rows({"a": stored})
     for seed in range(5):
         halves = split_sequences(
             data, SplitSettings(validation_by=by, validation_share=0.3), np.random.default_rng(seed)
@@ -154,12 +165,14 @@ def test_variants_of_a_scene_stay_on_one_side_of_a_split(stored, by):
 
 
 def test_crops_and_sequences_hold_the_same_scenes_for_validation(stored):
-    data = load_sequences({"a": stored})
+    data = load_rows({"a": stored})
     _, held = split_sequences(
         data, SplitSettings(validation_by="scene", validation_share=0.3), np.random.default_rng(3)
     )
     rows = np.concatenate([np.arange(first, last) for first, last in held])
-    packed = np.concatenate([read_shard(stored, name, LSTM_ROWS).inputs["occupancy"] for name in SHARDS])
+    packed = np.concatenate(
+        [block["occupancy"] for name in SHARDS for block in read_shard(stored, name, LSTM_ROWS)]
+    )
     split = CropSplit(validation_share=0.3, validation_crops=len(packed))
     training, validation, cells = crops_of(stored, split, np.random.default_rng(3))
     np.testing.assert_array_equal(sorted_rows(validation), sorted_rows(packed[rows]))

@@ -42,15 +42,15 @@ def network(monkeypatch, tmp_path):
 
 
 def test_a_network_that_cannot_be_traced_is_refused(network, tmp_path, monkeypatch):
-    own = type(network).answer
+    own = type(network).decode
 
-    def answer(network, outputs, dt_s):
+    def decode(network, outputs, dt_s):
         known = own(network, outputs, dt_s)
         first = known["path"][..., 0, :, :]
         fixed = torch.zeros(first.shape)  # of as many people as are traced
         return known | {"path": torch.stack([first, fixed], dim=-3)}
 
-    monkeypatch.setattr(type(network), "answer", answer)
+    monkeypatch.setattr(type(network), "decode", decode)
     with pytest.raises(ValueRuleError, match="other numbers of people"):
         write_model(tmp_path, network, GridEncoder(60), MADE_WITH)
     assert not (tmp_path / "network.onnx").exists()

@@ -156,7 +156,7 @@ def placed(ids):
     return ids, [[10.0 * name, 0.1 * name] for name in ids]
 
 
-def test_of_too_many_people_those_who_came_first_are_forecast_as_if_alone(folder, caplog):
+def test_of_too_many_people_the_first_are_forecast_as_if_alone(folder, caplog):
     robot, other = OnlinePredictor.load(folder, OnlineSettings(most_people=3)), OnlinePredictor.load(folder)
     for k in range(12):
         crowd = [5, 7, *range(-9, 0)] if k > 2 else [5, 7]

@@ -275,7 +275,7 @@ def test_all_pictures_come_out_the_same_twice_and_small():
 
 
 @pytest.mark.parametrize("lack", ["lstm", "motion"])
-def test_a_place_without_the_main_method_or_without_motion_has_no_instants(lack):
+def test_instants_need_the_main_method_and_motion(lack):
     scene, windows = room(), planned(room())
     if lack == "lstm":
         del windows.predictions["lstm"]
@@ -299,7 +299,7 @@ def test_crops_are_chosen_at_even_ranks_of_occupied_share():
     assert len(choose_evenly({}, 4)) == 0
 
 
-def test_a_sheet_shows_every_room_apart_from_the_others_with_its_own_tracks():
+def test_a_sheet_shows_every_room_with_its_own_tracks():
     axes = contact_sheet([room(name) for name in ("a", "b", "c")], 6.0, columns=2).axes[0]
     corners = [np.reshape(image.get_extent(), (2, 2)).T for image in axes.images]
     assert [tuple(low) for low, _ in corners] == [(0.0, 21.0), (21.0, 21.0), (0.0, 0.0)]

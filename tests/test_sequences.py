@@ -7,10 +7,10 @@ import pytest
 
 from pedpred.config import plain, read_params
 from pedpred.models.features import RowFormat
-from pedpred.sequences import collect_world_steps
+from pedpred.rows.sampling import RowSampling, RowSettings
+from pedpred.rows.simulated import steps_of_world
 from pedpred.settings import load
 from pedpred.simulation.worlds.world import simulate_world
-from pedpred.situations import Recipe, RowSettings
 from stages.perception import features_of, protocol_of
 from stages.worlds import worlds_of
 from tests.conftest import ROOT
@@ -27,13 +27,13 @@ def education():
         worlds = replace(worlds, **{kind: replace(getattr(worlds, kind), duration_s=SHORT_S)})
     protocol, how = protocol_of(PARAMS)
     made_with = RowFormat(replace(protocol, noncausal=False), "lstm", features_of(PARAMS, "lstm"))
-    recipe = Recipe(load(RowSettings, plain(PARAMS.situations.rows)), made_with, how.standstill_mps)
-    return worlds, sensing, recipe
+    sampling = RowSampling(load(RowSettings, plain(PARAMS.situations.rows)), made_with, how.standstill_mps)
+    return worlds, sensing, sampling
 
 
 def steps(education, kind="corridor", number=0, **changes):
-    worlds, sensing, recipe = education
-    return list(collect_world_steps(kind, number, worlds, replace(sensing, **changes), recipe))
+    worlds, sensing, sampling = education
+    return list(steps_of_world(kind, number, worlds, replace(sensing, **changes), sampling))
 
 
 def column(blocks, name):
@@ -51,7 +51,7 @@ def test_steps_of_a_track_follow_the_clock_of_the_protocol(education):
     blocks = steps(education)
     track, time_s = column(blocks, "track_id"), column(blocks, "time_s")
     within = np.diff(track) == 0
-    dt_s = education[2].made_with.protocol.dt_s
+    dt_s = education[2].row_format.protocol.dt_s
     assert within.sum() > 100
     assert np.allclose(np.diff(time_s)[within] / dt_s, np.round(np.diff(time_s)[within] / dt_s), atol=1e-6)
 

@@ -1,6 +1,5 @@
 """Feature shards: a disk round trip changes nothing; damage is named."""
 
-import dataclasses
 import json
 import re
 import weakref
@@ -14,22 +13,27 @@ import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
-from pedpred.datasets.rows import load_sequences
+from pedpred.datasets.rows import load_rows
 from pedpred.errors import InputError
-from pedpred.features import extract_blocks
+from pedpred.features import ForecastProtocol, extract_blocks
+from pedpred.models.features import RowFormat
 from pedpred.models.lstm.features.grids import unpack_crops
-from pedpred.storage.columns import read_columns, split_pairs, write_blocks
-from pedpred.storage.scenes import write_scene
-from pedpred.storage.shards import (
-    FEATURE_SCHEMA,
+from pedpred.models.mixture.features import MixtureFeatures
+from pedpred.rows.files import (
+    SCHEMA,
+    columns_of,
+    count_rows_of,
     read_crops,
     read_manifest,
     read_shard,
-    read_shard_blocks,
+    scene_digest,
+    step_columns,
     write_embeddings,
     write_manifest,
     write_shard,
 )
+from pedpred.storage.columns import read_columns, write_blocks
+from pedpred.storage.scenes import write_scene
 from tests.conftest import ROOT
 from tests.exported import LSTM_ROWS
 from tests.worlds import extract, tracked, walled_scene
@@ -37,9 +41,19 @@ from tests.worlds import extract, tracked, walled_scene
 SIZES = LSTM_ROWS.protocol, LSTM_ROWS.features
 
 
-def stored(table):
-    """Columns and inputs."""
-    return {**table.columns, **table.inputs}
+INSTANTS = RowFormat(
+    ForecastProtocol(horizon_steps=4), "mixture", MixtureFeatures(beams=8, neighbours=2, history_steps=3)
+)
+
+
+def read_whole(folder, name, row_format=LSTM_ROWS):
+    """All columns of a file."""
+    blocks = list(read_shard(folder, name, row_format))
+    return {key: np.concatenate([block[key] for block in blocks]) for key in blocks[0]}
+
+
+def write_steps(blocks, folder, name):
+    write_shard(map(step_columns, blocks), folder, name, LSTM_ROWS)
 
 
 def walled(seed=0, **options):
@@ -55,9 +69,9 @@ def table():
 @pytest.fixture
 def folder(tmp_path):
     scene, tracks = walled()
-    write_shard(extract_blocks(scene, tracks, *SIZES, rows=350, phase_offsets=3), tmp_path, "walled")
+    write_steps(extract_blocks(scene, tracks, *SIZES, rows=350, phase_offsets=3), tmp_path, "walled")
     write_scene(scene, tmp_path / "scene")
-    write_manifest(tmp_path, LSTM_ROWS, {"walled": tmp_path / "scene"})
+    write_manifest(tmp_path, LSTM_ROWS, {"walled": scene_digest(tmp_path / "scene")})
     return tmp_path
 
 
@@ -65,31 +79,26 @@ def test_round_trip_changes_nothing(folder, table):
     made_with, shards = read_manifest(folder)
     assert made_with == LSTM_ROWS
     assert list(shards) == ["walled"]
-    back = read_shard(folder, "walled", made_with)
-    for name, column in stored(table).items():
-        np.testing.assert_array_equal(column, stored(back)[name], err_msg=name)
-        assert column.dtype == stored(back)[name].dtype, name
+    back, written = read_whole(folder, "walled", made_with), step_columns(table)
+    assert list(back) == list(columns_of(LSTM_ROWS))
+    for name, column in back.items():
+        np.testing.assert_array_equal(column, written[name], err_msg=name)
+        assert column.dtype == written[name].dtype, name
+    np.testing.assert_array_equal(back["state"], table.velocity)
 
 
 def test_writing_twice_gives_the_same_bytes(folder, tmp_path):
-    write_shard(extract_blocks(*walled(), *SIZES, rows=350, phase_offsets=3), tmp_path / "again", "walled")
+    write_steps(extract_blocks(*walled(), *SIZES, rows=350, phase_offsets=3), tmp_path / "again", "walled")
     assert (tmp_path / "again/walled.parquet").read_bytes() == (folder / "walled.parquet").read_bytes()
 
 
 def test_a_row_group_holds_whole_tracks(folder, table):
-    blocks = list(read_shard_blocks(folder, "walled", LSTM_ROWS))
+    blocks = list(read_shard(folder, "walled", LSTM_ROWS))
     assert len(blocks) == pq.ParquetFile(folder / "walled.parquet").num_row_groups > 1
-    owners = [set(block.track_id.tolist()) for block in blocks]
+    owners = [set(block["track_id"].tolist()) for block in blocks]
     assert sum(map(len, owners)) == len(np.unique(table.track_id))
     crops = np.concatenate(list(read_crops(folder, "walled", LSTM_ROWS)))
     np.testing.assert_array_equal(crops, table.inputs["occupancy"])
-
-
-def test_a_scene_without_people_survives_the_disk(tmp_path):
-    scene, _ = walled()
-    empty = dataclasses.replace(scene, trajectories=scene.trajectories.select(np.arange(0)))
-    write_shard([extract(empty, tracked(empty), *SIZES)], tmp_path, "empty")
-    assert len(read_shard(tmp_path, "empty", LSTM_ROWS)) == 0
 
 
 def test_at_most_two_blocks_are_in_memory(table, tmp_path):
@@ -98,17 +107,17 @@ def test_at_most_two_blocks_are_in_memory(table, tmp_path):
     def count_alive(blocks):
         nonlocal most
         for block in blocks:
-            alive.append(weakref.ref(block.inputs["occupancy"]))
+            alive.append(weakref.ref(block["occupancy"]))
             most = max(most, sum(reference() is not None for reference in alive))
             yield block
             del block
 
-    copies = (table.select(np.arange(len(table))) for _ in range(8))
-    write_shard(count_alive(copies), tmp_path, "long")
+    copies = (step_columns(table.select(np.arange(len(table)))) for _ in range(8))
+    write_shard(count_alive(copies), tmp_path, "long", LSTM_ROWS)
     assert most <= 2
     alive, most = [], 0
-    read = count_alive(read_shard_blocks(tmp_path, "long", LSTM_ROWS))
-    assert sum(len(block) for block in read) == 8 * len(table)
+    read = count_alive(read_shard(tmp_path, "long", LSTM_ROWS))
+    assert sum(len(block["step"]) for block in read) == 8 * len(table)
     assert most <= 2
 
 
@@ -117,6 +126,37 @@ def test_pandas_reads_it(folder, table):
     assert len(frame) == len(table)
     assert len(frame.occupancy[0]) == 450
     np.testing.assert_array_equal(frame.angular_grid[3], table.inputs["angular_grid"][3])
+
+
+@pytest.mark.parametrize("count", [0, 1, 30])
+def test_instants_survive_the_disk_exactly(tmp_path, count):
+    rng = np.random.default_rng(0)
+    rows = {
+        name: rng.normal(0, 5, (count, *about.shape)).astype(about.dtype)
+        for name, about in columns_of(INSTANTS).items()
+    }
+    for name in ("corridor_0", "again"):
+        write_shard([rows], tmp_path, name, INSTANTS)
+    back = read_whole(tmp_path, "corridor_0", INSTANTS)
+    assert list(back) == list(rows)
+    for name, values in rows.items():
+        np.testing.assert_array_equal(back[name], values)
+        assert back[name].dtype == values.dtype
+    assert (tmp_path / "corridor_0.parquet").read_bytes() == (tmp_path / "again.parquet").read_bytes()
+    write_manifest(tmp_path, INSTANTS, {"corridor_0": "c", "again": "a"})
+    assert read_manifest(tmp_path) == (INSTANTS, {"corridor_0": "c", "again": "a"})
+    assert list(read_manifest(tmp_path)[1]) == ["corridor_0", "again"]  # in the order of their numbers
+    assert count_rows_of(tmp_path) == 2 * count
+
+
+@pytest.mark.parametrize("name", ["/dev/zero", "../place"])
+def test_a_manifest_names_files_of_its_folder_alone(tmp_path, name):
+    write_manifest(tmp_path, INSTANTS, {"place": "p"})
+    path = tmp_path / "manifest.json"
+    path.write_text(path.read_text().replace('"place"', json.dumps(name)))
+    with pytest.raises(InputError) as refused:
+        read_manifest(tmp_path)
+    assert refused.value.path == path
 
 
 def test_half_floats_survive(tmp_path):
@@ -132,7 +172,7 @@ def test_damage_is_named(folder):
     for damaged in (whole[: len(whole) // 2], whole[:5000] + bytes(1000) + whole[6000:]):
         path.write_bytes(damaged)
         with pytest.raises(InputError) as refused:
-            read_shard(folder, "walled", LSTM_ROWS)
+            read_whole(folder, "walled")
         assert refused.value.path == path
     about = json.loads((folder / "manifest.json").read_text())
     (folder / "manifest.json").write_text(json.dumps(about | {"schema": 99}))
@@ -150,25 +190,21 @@ def without(columns, name):
 
 
 WRONG = {
-    "missing": lambda c: (without(c, "phase"), "column phase", FEATURE_SCHEMA),
-    "text": lambda c: (c | {"time_s": c["time_s"].astype(str)}, "column time_s", FEATURE_SCHEMA),
-    "float32": lambda c: (c | {"time_s": c["time_s"].astype(np.float32)}, "column time_s", FEATURE_SCHEMA),
-    "narrower": lambda c: (
-        c | {"angular_grid": c["angular_grid"][:, 1:]},
-        "column angular_grid",
-        FEATURE_SCHEMA,
-    ),
-    "old": lambda c: (c, "schema", FEATURE_SCHEMA - 1),
+    "missing": lambda c: (without(c, "step"), "column step", SCHEMA),
+    "text": lambda c: (c | {"step": c["step"].astype(str)}, "column step", SCHEMA),
+    "float32": lambda c: (c | {"step": c["step"].astype(np.float32)}, "column step", SCHEMA),
+    "narrower": lambda c: (c | {"angular_grid": c["angular_grid"][:, 1:]}, "column angular_grid", SCHEMA),
+    "old": lambda c: (c, "schema", SCHEMA - 1),
     "no version": lambda c: (c, "schema", None),
 }
 
 
 @pytest.mark.parametrize("wrong", WRONG)
 def test_another_column_or_version_is_named(folder, table, wrong):
-    columns, where, version = WRONG[wrong](split_pairs(stored(table)))
+    columns, where, version = WRONG[wrong](step_columns(table))
     write_blocks([columns], folder / "walled.parquet", version)
     with pytest.raises(InputError) as refused:
-        read_shard(folder, "walled", LSTM_ROWS)
+        read_whole(folder, "walled")
     assert (refused.value.path, refused.value.where) == (folder / "walled.parquet", where)
 
 
@@ -189,23 +225,23 @@ def test_the_manifest_describes_every_column_and_changes_with_the_scene(folder):
     assert set(about["columns"]) == set(pd.read_parquet(folder / "walled.parquet").columns)
     assert about["protocol"]["dt_s"] == LSTM_ROWS.protocol.dt_s
     (folder / "scene/map.pgm").write_bytes(b"another map")
-    write_manifest(folder, LSTM_ROWS, {"walled": folder / "scene"})
+    write_manifest(folder, LSTM_ROWS, {"walled": scene_digest(folder / "scene")})
     assert json.loads((folder / "manifest.json").read_text())["shards"] != about["shards"]
 
 
 def test_embeddings_of_other_rows_are_refused(folder, table):
     write_embeddings([np.zeros((len(table) - 1, 392), np.float16)], folder / "embeddings", "walled")
     with pytest.raises(InputError):
-        load_sequences({"a": folder}, {"a": folder / "embeddings"})
+        load_rows({"a": folder}, {"a": folder / "embeddings"})
     write_embeddings([np.ones((len(table), 392), np.float16)], folder / "embeddings", "walled")
-    data = load_sequences({"a": folder}, {"a": folder / "embeddings"})
+    data = load_rows({"a": folder}, {"a": folder / "embeddings"})
     assert len(data.spans) == 3 * len(np.unique(table.track_id))
     assert set(data.spans.track) == set(table.track_id)
 
 
 def test_the_example_on_the_page_draws_both_grids(table, tmp_path, monkeypatch):
     matplotlib.use("Agg")
-    write_shard([table], tmp_path / "data/rows/lstm/real/eth", "eth")
+    write_steps([table], tmp_path / "data/rows/lstm/real/eth", "eth")
     monkeypatch.chdir(tmp_path)
     examples = re.findall(r"```python\n(.*?)```", (ROOT / "docs/ablations.md").read_text(), re.DOTALL)
     (example,) = (code for code in examples if "read_parquet" in code)

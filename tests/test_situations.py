@@ -6,21 +6,18 @@ import numpy as np
 import pytest
 
 from pedpred.geometry import rotate
+from pedpred.rows.recorded import ViewingSettings, rows_of_viewing
+from pedpred.rows.sampling import RowSampling, RowSettings, sample_rows
+from pedpred.rows.simulated import (
+    SimulatedSet,
+    rows_of_scene,
+    rows_of_world,
+    select_true_states,
+)
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.settings import load
 from pedpred.simulation.worlds import simulate_world
 from pedpred.simulation.worlds.views import Area
-from pedpred.situations import (
-    Recipe,
-    RowSettings,
-    SimulatedSet,
-    ViewingSettings,
-    collect_scene_rows,
-    collect_viewing_rows,
-    collect_world_rows,
-    select_true_states,
-    training_rows,
-)
 from pedpred.tracking import KalmanSettings
 from tests.exported import MIXTURE_ROWS, widths_of
 from tests.simulated import SENSING, read, short_worlds
@@ -30,8 +27,8 @@ CONF = read("situations/varied")
 ROWS = load(RowSettings, CONF["rows"])
 WORLDS = short_worlds(12.0, warm_up_s=5.0)
 PROTOCOL = MIXTURE_ROWS.protocol
-RECIPE = Recipe(ROWS, MIXTURE_ROWS, 0.2)
-UNMOVED = replace(RECIPE, rows=replace(ROWS, shifted_share=0.0))
+SAMPLING = RowSampling(ROWS, MIXTURE_ROWS, 0.2)
+UNMOVED = replace(SAMPLING, rows=replace(ROWS, shifted_share=0.0))
 CORRIDOR = SimulatedSet("corridor", "", 2, 60, 30, 1.0)
 VIEWINGS = ViewingSettings(3, 50, 0.5, (1.0, 0.5), (0.0, 0.02), (0.0,))
 KALMAN = KalmanSettings(0.1, 0.05)
@@ -61,7 +58,7 @@ def assert_equal(rows, others):
 @pytest.mark.parametrize("kalman", [None, KALMAN])
 def test_straight_walkers_have_straight_targets(kalman):
     scene = straight()
-    rows = training_rows(scene, scene.trajectories, kalman, 1000, UNMOVED, np.random.default_rng(0))
+    rows = sample_rows(scene, scene.trajectories, kalman, 1000, UNMOVED, np.random.default_rng(0))
     ahead = np.cumsum(rows["future"], axis=1) * PROTOCOL.dt_s
     settled = rows["track"][:, 5] == 1.0
     assert settled.sum() > 100
@@ -74,7 +71,7 @@ def test_straight_walkers_have_straight_targets(kalman):
 def test_the_future_is_known_outside_of_the_view():
     scene = straight()
     seen = select_true_states(scene, Area(np.full(2, -1.0), np.full(2, 5.0)), 0.1)
-    rows = training_rows(seen, scene.trajectories, None, 1000, RECIPE, np.random.default_rng(0))
+    rows = sample_rows(seen, scene.trajectories, None, 1000, SAMPLING, np.random.default_rng(0))
     assert len(rows["future"]) == len(seen.trajectories) > 20
 
 
@@ -83,7 +80,7 @@ def test_targets_belong_to_the_person_and_not_to_the_id():
     states = scene.trajectories
     swapped = replace(states, track_id=1 - states.track_id, person_id=states.track_id)
     results = [
-        training_rows(replace(scene, trajectories=t), states, None, 1000, UNMOVED, np.random.default_rng(0))
+        sample_rows(replace(scene, trajectories=t), states, None, 1000, UNMOVED, np.random.default_rng(0))
         for t in (states, swapped)
     ]
     for rows in results:
@@ -98,7 +95,7 @@ def test_rows_do_not_depend_on_how_the_world_is_turned():
     walls = np.flip(scene.occupancy.occupied.T, axis=0)  # (x, y) -> (-y, x)
     ground = replace(scene.occupancy, occupied=walls)
     here, there = (
-        training_rows(s, s.trajectories, KALMAN, 50, UNMOVED, np.random.default_rng(1))
+        sample_rows(s, s.trajectories, KALMAN, 50, UNMOVED, np.random.default_rng(1))
         for s in (scene, replace(scene, trajectories=turned, occupancy=ground))
     )
     for name, values in here.items():
@@ -109,21 +106,21 @@ def test_rows_do_not_depend_on_how_the_world_is_turned():
 @pytest.mark.parametrize("kind", ["corridor", "bottleneck", "room", "square", "lone"])
 def test_a_world_gives_the_rows_that_are_asked_for(kind):
     chosen = replace(CORRIDOR, kind=kind)
-    rows = collect_world_rows(1, chosen, WORLDS, SENSING, RECIPE)
+    rows = rows_of_world(1, chosen, WORLDS, SENSING, SAMPLING)
     widths = {name: values.shape[1] for name, values in rows.items() if name != "future"}
     assert widths == widths_of(MIXTURE_ROWS.features)
     assert rows["future"].shape[1:] == (PROTOCOL.horizon_steps, 2)
     assert 30 < len(rows["future"]) <= 90
     assert len({len(values) for values in rows.values()}) == 1
     assert all(np.isfinite(values).all() for values in rows.values())
-    assert_equal(rows, collect_world_rows(1, chosen, WORLDS, SENSING, RECIPE))
+    assert_equal(rows, rows_of_world(1, chosen, WORLDS, SENSING, SAMPLING))
 
 
 def test_a_set_may_have_true_states_only():
-    rows = collect_world_rows(0, replace(CORRIDOR, rows=0), WORLDS, SENSING, RECIPE)
+    rows = rows_of_world(0, replace(CORRIDOR, rows=0), WORLDS, SENSING, SAMPLING)
     assert 0 < len(rows["future"]) <= 30
     np.testing.assert_array_equal(rows["track"][:, 2:5], 0.0)  # no covariance
-    neither = collect_world_rows(0, replace(CORRIDOR, rows=0, true_share=0.0), WORLDS, SENSING, RECIPE)
+    neither = rows_of_world(0, replace(CORRIDOR, rows=0, true_share=0.0), WORLDS, SENSING, SAMPLING)
     assert neither["future"].shape == (0, PROTOCOL.horizon_steps, 2)
 
 
@@ -131,14 +128,14 @@ def test_scenes_on_disk_give_rows_as_worlds_do():
     coarse = select_true_states(
         simulate_world("room", 1, WORLDS), Area(np.full(2, -1e6), np.full(2, 1e6)), 0.3
     )
-    rows = collect_scene_rows(coarse, replace(CORRIDOR, kind="arrangement"), SENSING, RECIPE)
+    rows = rows_of_scene(coarse, replace(CORRIDOR, kind="arrangement"), SENSING, SAMPLING)
     assert len(rows["future"]) == 90
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, 2.5])
 def test_viewings_differ_and_repeat(rate_hz):
     scene = walled_scene(np.random.default_rng(0), dt_s=0.1, detections=120)
-    views = [collect_viewing_rows(n, scene, rate_hz, VIEWINGS, RECIPE) for n in range(3)]
+    views = [rows_of_viewing(n, scene, rate_hz, VIEWINGS, SAMPLING) for n in range(3)]
     assert all(0 < len(rows["future"]) <= 50 for rows in views)
     assert not np.array_equal(views[0]["history"], views[1]["history"])
-    assert_equal(views[2], collect_viewing_rows(2, scene, rate_hz, VIEWINGS, RECIPE))
+    assert_equal(views[2], rows_of_viewing(2, scene, rate_hz, VIEWINGS, SAMPLING))

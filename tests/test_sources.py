@@ -9,7 +9,7 @@ from PIL import Image
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.geometry import Homography
 from pedpred.sources import SOURCES
-from pedpred.sources.ewap import merged, occupancy_from_image, read_sequence
+from pedpred.sources.ewap import merge_groups, occupancy_from_image, read_sequence
 
 SETTINGS = {"frame_rate_hz": 10.0, "annotation_frames": 4, "resolution_m": 0.5, "margin_m": 1.0}
 ROWS = ["4 1 2.0 0 3.0 9 0 9", "4 2 4.0 0 6.0 9 0 9", "8 1 2.5 0 3.0 9 0 9"]
@@ -117,7 +117,7 @@ def test_bad_input_is_named(folder, damage, file, line):
 
 def test_groups_with_a_common_member_are_one():
     groups = [{5, 4}, {1, 2}, {3, 7}, {2, 3}, {9}]
-    assert merged(groups) == merged(groups[::-1]) == [{1, 2, 3, 7}, {4, 5}, {9}]
+    assert merge_groups(groups) == merge_groups(groups[::-1]) == [{1, 2, 3, 7}, {4, 5}, {9}]
 
 
 def test_no_obstacle_no_cell():

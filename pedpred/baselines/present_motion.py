@@ -10,7 +10,7 @@ from pedpred.features import FeatureTable
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.geometry import rotate
 from pedpred.scenes import Predictions
-from pedpred.tracking import Belief, KalmanSettings, predicted, settled
+from pedpred.tracking import Belief, KalmanSettings, predict, steady_state
 
 
 def constant_velocity() -> Forecaster:
@@ -72,9 +72,9 @@ def kalman_covariance(tracker: KalmanSettings, interval_s: float, ahead_s: np.nd
     Returns:
         World frame, m^2. [P, 2, 2]
     """
-    now = settled(interval_s, tracker)
+    now = steady_state(interval_s, tracker)
     each = Belief(*(np.repeat(part, len(ahead_s), axis=0) for part in vars(now).values()))
-    after = predicted(each, ahead_s, tracker.acceleration_noise)
+    after = predict(each, ahead_s, tracker.acceleration_noise)
     variance = after.covariance[:, 0] + tracker.position_noise_m**2
     return variance[:, None, None] * np.eye(2)
 

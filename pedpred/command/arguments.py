@@ -9,7 +9,7 @@ from typing import Any
 
 import pedpred
 from pedpred import command as package
-from pedpred.command.conversion import check_conversion, convert, info, written_to
+from pedpred.command.conversion import check_conversion, convert, info, output_paths
 from pedpred.command.driving import check_drive, drive
 from pedpred.command.evaluation import TUNE, check_evaluation, evaluate
 from pedpred.command.field_protocol import PROTOCOL
@@ -86,7 +86,7 @@ def check(arguments: argparse.Namespace) -> None:
         read_description(given["model"])
     used = {path.resolve() for path in inputs}
     for name in _OUTPUTS:
-        for path in [written for output in _paths(given.get(name)) for written in written_to(output)]:
+        for path in [written for output in _paths(given.get(name)) for written in output_paths(output)]:
             check_output(path, folder=name == "output" and not path.suffix)
             if path.resolve() in used:
                 raise OutputError(path, "it is an input of this command, or another output")

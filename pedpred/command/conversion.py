@@ -78,7 +78,7 @@ def convert(arguments: argparse.Namespace) -> None:
         write_scene(scene, output)
 
 
-def written_to(path: Path) -> list[Path]:
+def output_paths(path: Path) -> list[Path]:
     """All paths that are written for an output: beside a recording, its layout for Foxglove."""
     return [path, _layout_of(path)] if path.suffix == MCAP else [path]
 

@@ -17,7 +17,7 @@ import pandas as pd
 
 from pedpred.baselines.present_motion import STRONGEST
 from pedpred.command.field_protocol import assess_windows, protocol_table
-from pedpred.command.foreign import ForeignForecasts, answered_by_all, read_forecasts
+from pedpred.command.foreign import ForeignForecasts, has_all_forecasts, read_forecasts
 from pedpred.command.prediction import predictor_for, read_tracker
 from pedpred.command.recordings import open_recording
 from pedpred.command.tables import (
@@ -104,17 +104,17 @@ def _measure(path: Path, arguments: argparse.Namespace, settings: EvaluationSett
     read = (read_forecasts(file, arguments.step_s, recording.names) for file in arguments.forecasts)
     foreign = dict(zip(called, read, strict=True))
     if (transform := arguments.options.transform) is not None:  # the people were moved when they were read
-        foreign = {name: forecasts.moved(transform) for name, forecasts in foreign.items()}
+        foreign = {name: forecasts.to_map(transform) for name, forecasts in foreign.items()}
     learn_trust = arguments.trust and not (arguments.alone or arguments.protocol)  # which needs other people
     predictor = predictor_for(scene, arguments.model, _tracker(arguments, scene), learn_trust=learn_trust)
     if arguments.alone:
         shift_s = isolating_shifts(scene.trajectories)
-        scene = replace(scene, trajectories=shifted(scene.trajectories, shift_s))
-        foreign = {name: shifted(forecasts, shift_s) for name, forecasts in foreign.items()}
+        scene = replace(scene, trajectories=shift_times(scene.trajectories, shift_s))
+        foreign = {name: shift_times(forecasts, shift_s) for name, forecasts in foreign.items()}
     if arguments.protocol:
         scores = assess_windows(scene, predictor, arguments.model is not None, settings, foreign)
     else:
-        answered = partial(answered_by_all, foreign) if foreign else None
+        answered = partial(has_all_forecasts, foreign) if foreign else None
         metrics = None if arguments.json else {key: METRICS[key] for key in SHOWN}
         scores = assess(scene, predictor, settings, None, foreign, answered, metrics)
     for measured in scores.values():
@@ -162,7 +162,7 @@ def isolating_shifts(people: Trajectories) -> Mapping[int, float]:
     return (lasting.cumsum() - spans["max"]).to_dict()
 
 
-def shifted(timed: Timed, shift_s: Mapping[int, float]) -> Timed:
+def shift_times(timed: Timed, shift_s: Mapping[int, float]) -> Timed:
     """Detections or forecasts at later times; those of other tracks stay."""
     shifts = pd.Series(timed.track_id).map(shift_s).fillna(0.0).to_numpy()
     return replace(timed, time_s=timed.time_s + shifts)

@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 
 from pedpred.baselines.present_motion import PRESENT_MOTION
-from pedpred.command.foreign import ForeignForecasts, answered_by_all
-from pedpred.command.tables import aligned
+from pedpred.command.foreign import ForeignForecasts, has_all_forecasts
+from pedpred.command.tables import align_columns
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import MetricSettings, Scores, given, measure
 from pedpred.evaluation.measure import BEST_ADE, BEST_FDE
@@ -65,7 +65,7 @@ def assess_windows(
     recorded = replace(windows.request.asked, track_id=windows.track, time_s=windows.time_s)
     named = replace(windows.request, table=recorded, rows=np.arange(len(windows)), tracks=None)
     if foreign:
-        kept = answered_by_all(foreign, named)
+        kept = has_all_forecasts(foreign, named)
         windows, named = windows.select(kept), replace(named, rows=named.rows[kept])
     methods: dict[str, Forecaster] = {key: make() for key, make in PRESENT_MOTION.items()}
     if _fits(about, is_named):
@@ -106,4 +106,4 @@ def protocol_table(name: str, scores: Mapping[str, Scores]) -> str:
         cells.append([method, *("-" if np.isnan(mean) else f"{mean:.3f}" for mean in means)])
     count = len(next(iter(scores.values())).track)
     about = f"{name}: {count} windows of {WINDOWS.observed_steps} + {WINDOWS.predicted_steps} annotations"
-    return aligned(about, cells)
+    return align_columns(about, cells)

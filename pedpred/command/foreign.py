@@ -47,11 +47,11 @@ class ForeignForecasts:
     weight: np.ndarray
     step_s: float | None
 
-    def moved(self, transform: Transform) -> ForeignForecasts:
+    def to_map(self, transform: Transform) -> ForeignForecasts:
         """Transform forecasts from the frame of the people to that of the map."""
         return replace(self, path=transform.to_map(self.path))
 
-    def answered(self, request: ForecastRequest) -> np.ndarray:
+    def has_forecast(self, request: ForecastRequest) -> np.ndarray:
         """Which windows have a forecast, made within 5 ms of them. [W] bool.
 
         Warns about forecasts that begin too far from the last detections, and about steps of unknown length.
@@ -114,14 +114,14 @@ def _span(track_id: np.ndarray, time_s: np.ndarray) -> str:
     return f"{len(tracks)} tracks ({tracks[0]} ...) at {time_s.min():g} to {time_s.max():g} s"
 
 
-def answered_by_all(foreign: Mapping[str, ForeignForecasts], request: ForecastRequest) -> np.ndarray:
+def has_all_forecasts(foreign: Mapping[str, ForeignForecasts], request: ForecastRequest) -> np.ndarray:
     """Which windows have a forecast in every file. [W] bool.
 
     Raises:
         InputError: a file has none.
         ValueRuleError: there is no such window.
     """
-    answered: np.ndarray = np.logical_and.reduce([one.answered(request) for one in foreign.values()])
+    answered: np.ndarray = np.logical_and.reduce([one.has_forecast(request) for one in foreign.values()])
     if not answered.any():
         raise ValueRuleError("forecasts", list(foreign), "no window has a forecast in each of the files")
     return answered

@@ -35,7 +35,10 @@ def recording_options() -> argparse.ArgumentParser:
     parent = argparse.ArgumentParser(add_help=False, argument_default=argparse.SUPPRESS)
     add = parent.add_argument_group("recordings in ROS bags").add_argument
     add("--topic", help="topic of the people, if several topics carry people")
-    add("--map-topic", help="topic of the map (default: /map, or else the only grid that is no costmap)")
+    add(
+        "--map-topic",
+        help="topic of the map, '': none (default: /map, or else the only grid that is no costmap)",
+    )
     message = "fields of messages of other types, such as people,id=id,position=pose.position,class=label"
     add("--people", metavar="FIELDS", help=message)
     ids = "ids of people: auto (default): those of the messages if they stay, else by position"

@@ -100,7 +100,7 @@ def open_recording(path: Path, options: OpenOptions | None = None) -> Recording:
         else:
             has_map = options.map is not None or options.no_map
             recording = read_recording(path, options.file, with_walls=not has_map)
-        recording = _moved(recording, options.transform)
+        recording = _move(recording, options.transform)
     scene = replace(recording.scene, occupancy=_ground_of(path, options, recording))
     checked_placement(scene)
     return replace(recording, scene=scene)
@@ -139,7 +139,7 @@ def _read_bag(path: Path, options: OpenOptions) -> Recording:
     return Recording(scene, names, "ROS bag")
 
 
-def _moved(recording: Recording, transform: Transform | None) -> Recording:
+def _move(recording: Recording, transform: Transform | None) -> Recording:
     """The people in the frame of the map; ground without obstacles moves with them."""
     if transform is None:
         return recording

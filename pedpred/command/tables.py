@@ -42,10 +42,11 @@ def metric_table(name: str, rows: Rows, scores: Mapping[str, Scores]) -> str:
     split = f"{moving} of people who move, {some['windows'] - moving} of people who stand"
     lost = some["eligible"] - some["windows"]
     without = f"; {lost} more without truth" if lost else ""
-    return aligned(f"{name}: {some['windows']} windows of {some['tracks']} tracks ({split}{without})", cells)
+    about = f"{name}: {some['windows']} windows of {some['tracks']} tracks ({split}{without})"
+    return align_columns(about, cells)
 
 
-def aligned(about: str, cells: Sequence[Sequence[str]]) -> str:
+def align_columns(about: str, cells: Sequence[Sequence[str]]) -> str:
     """Write a line about a table, and its rows with columns of equal width."""
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     lines = ["  ".join(cell.rjust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
@@ -69,9 +70,9 @@ def note_on_noise(name: str, rows: Rows) -> str:
 
 
 def note_on_intervals(tracks: int) -> str:
-    """A note that intervals over so few tracks are too narrow; empty over many, and over one, which has none.
+    """A note that intervals over few tracks are too narrow; empty over many, and over one, which has none.
 
-    How often they hold the mean was counted for tracks whose errors are normally distributed.
+    The coverage holds for tracks whose errors are normally distributed.
     """
     if not 1 < tracks < _MANY_TRACKS:
         return ""
@@ -89,7 +90,7 @@ def _cell(key: str, value: float | None) -> str:
 
 
 def comparisons(scores: Mapping[str, Scores], settings: EvaluationSettings) -> str:
-    """Say of every other method whether its ADE is lower than that of the best simple method.
+    """Compare the ADE of every other method with that of the best simple one, a line each.
 
     Args:
         scores: by method, in the same windows.
@@ -104,7 +105,7 @@ def comparisons(scores: Mapping[str, Scores], settings: EvaluationSettings) -> s
 def _comparison(method: str, best: str, row: Mapping[str, Any], reference_m: float) -> str:
     difference = row["ade_m_minus_reference"]
     low, high = row["ade_m_minus_reference_ci95"]
-    interval = "one track alone says little of others, so there is no interval"
+    interval = "no interval over a single track"
     if row["tracks"] > 1:
         interval = f"95 % interval {_cell('ade_m', low)} to {_cell('ade_m', high)}"
     verdict = f"{'better' if difference < 0 else 'worse'} than {best}"

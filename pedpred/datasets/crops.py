@@ -11,9 +11,9 @@ import numpy as np
 from pedpred.errors import ValueRuleError
 from pedpred.models.features import RowFormat
 from pedpred.models.lstm.features import LstmFeatures
+from pedpred.rows.files import read_crops, read_manifest
 from pedpred.settings import In, Settings
 from pedpred.storage.mapped import MappedRows
-from pedpred.storage.shards import read_crops, read_manifest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,25 +41,25 @@ def crops_of(features: Path, how: CropSplit, rng: np.random.Generator) -> tuple[
         Training crops [M, bytes], which lie on disk (`MappedRows`), validation crops [V, bytes], and the
         cells per side of a crop.
     """
-    made_with, *halves = _divided(features, how.validation_share, rng)
-    assert isinstance(made_with.features, LstmFeatures)
+    row_format, *halves = _divided(features, how.validation_share, rng)
+    assert isinstance(row_format.features, LstmFeatures)
 
     def mapped(shards: list[str]) -> np.ndarray:
         rows = MappedRows("occupancy")
         for name in shards:
-            rows.extend(read_crops(features, name, made_with))
+            rows.extend(read_crops(features, name, row_format))
         return rows.array()
 
     training, validation = map(mapped, halves)
     chosen = rng.permutation(len(validation))[: how.validation_crops]
-    return training, validation[chosen], made_with.features.grid_cells
+    return training, validation[chosen], row_format.features.grid_cells
 
 
 def _divided(
     features: Path, validation_share: float, rng: np.random.Generator
 ) -> tuple[RowFormat, list[str], list[str]]:
     """What the shards were made with; those for training and for validation, variants of a scene together."""
-    made_with, shards = read_manifest(features)
+    row_format, shards = read_manifest(features)
     scenes = list(dict.fromkeys(shards.values()))
     held = max(1, round(validation_share * len(scenes)))
     if held >= len(scenes):
@@ -69,4 +69,4 @@ def _divided(
         [name for scene in half for name in shards if shards[name] == scene]
         for half in (order[held:], order[:held])
     )
-    return made_with, training, validation
+    return row_format, training, validation

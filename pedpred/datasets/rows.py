@@ -10,14 +10,12 @@ import numpy as np
 import torch
 
 from pedpred.errors import InputError, ValueRuleError, shape_error
-from pedpred.features import FeatureTable
 from pedpred.models.features import RowFormat
+from pedpred.models.lstm.encoding import EMBEDDED
+from pedpred.rows.files import read_embeddings, read_manifest, read_shard
 from pedpred.storage.mapped import MappedRows
-from pedpred.storage.shards import read_embeddings, read_manifest, read_shard_blocks
-from pedpred.storage.situations import read_situations, read_situations_manifest
 
-EMBEDDED = "grid"
-"""The channel that a frozen encoder computes from the crops."""
+_NO_TRACK = np.zeros(0, np.int64)
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ class TrainingRows:
         future_steps: how many of them are known. [M] int64
         spans: rows that belong together.
         sets: names of the sets, in the order of their rows.
-        made_with: protocol and sizes.
+        row_format: protocol and sizes.
         empty: channel -> its values where nobody and nothing is near, zeros for others. [width] float32
     """
 
@@ -59,7 +57,7 @@ class TrainingRows:
     future_steps: torch.Tensor
     spans: Spans
     sets: tuple[str, ...]
-    made_with: RowFormat
+    row_format: RowFormat
     empty: Mapping[str, torch.Tensor] = field(default_factory=dict)
 
     @property
@@ -75,7 +73,7 @@ class TrainingRows:
     @property
     def dt_s(self) -> float:
         """Time between steps, s."""
-        return self.made_with.protocol.dt_s
+        return self.row_format.protocol.dt_s
 
     @property
     def by_set(self) -> dict[str, np.ndarray]:
@@ -118,72 +116,43 @@ def _entries(table: torch.Tensor, rows: torch.Tensor, empty: torch.Tensor | None
     return torch.where((rows >= 0)[..., None], entries, 0.0 if empty is None else empty)
 
 
-def sequences_of(table: FeatureTable) -> np.ndarray:
-    """Rows [first, last) of each (track, phase) of a sorted feature table. [S, 2]."""
-    first = np.flatnonzero(table.step == 0)
-    last = np.append(first[1:], len(table))
+def sequences_of(step: np.ndarray) -> np.ndarray:
+    """Rows [first, last) of each track, whose steps count from 0. [M] -> [S, 2]."""
+    first = np.flatnonzero(step == 0)
+    last = np.append(first[1:], len(step))
     return np.stack([first, last], axis=-1) if len(first) else np.zeros((0, 2), int)
 
 
-def load_sequences(folders: Mapping[str, Path], embeddings: Mapping[str, Path] | None = None) -> TrainingRows:
-    """All steps of all tracks of some feature folders, with an encoder's outputs where they are given.
+def load_rows(folders: Mapping[str, Path], embeddings: Mapping[str, Path] | None = None) -> TrainingRows:
+    """All rows of some sets, with an encoder's outputs where they are given.
 
     Rows are read block by block and lie on disk (`MappedRows`); only the spans take memory.
 
     Args:
-        folders: set -> its feature shards; of the same protocol and sizes.
+        folders: set -> its folder; of the same protocol and sizes.
         embeddings: set -> the frozen encoder's outputs there, the channel "grid".
 
     Raises:
-        InputError: a shard or manifest cannot be read, or features and embeddings do not belong together.
-        ValueRuleError: the folders were made with different sizes.
+        InputError: a file or manifest cannot be read, or rows and embeddings do not belong together.
+        ValueRuleError: the sets were made with different sizes.
         OSError: the disk is full.
     """
     manifests = {name: read_manifest(folder) for name, folder in folders.items()}
-    made_with = _common({name: row_format for name, (row_format, _) in manifests.items()})
-    columns, scenes, tracks = _Columns(), 0, 0
+    row_format = _common({name: row_format for name, (row_format, _) in manifests.items()})
+    columns, scenes, tracks = _Columns(row_format), 0, 0
     for part, (name, folder) in enumerate(folders.items()):
         _, shards = manifests[name]
-        numbers = {digest: scenes + i for i, digest in enumerate(dict.fromkeys(shards.values()))}
+        numbers = {scene: scenes + i for i, scene in enumerate(dict.fromkeys(shards.values()))}
         largest = -1
-        for shard, digest in shards.items():
-            for table in read_shard_blocks(folder, shard, made_with):
-                spans = sequences_of(table)
-                track = table.track_id[spans[:, 0]]
-                largest = max(largest, int(track.max(initial=-1)))
-                columns.add_spans(spans, part, np.full(len(spans), numbers[digest]), track + tracks)
-                stored = {"state": table.velocity, **table.inputs}
-                channels = made_with.features.channels(stored)
-                columns.add(channels, table.future, table.future_steps)
+        for shard, scene in shards.items():
+            for block in read_shard(folder, shard, row_format):
+                columns.add(block, part, numbers[scene], tracks)
+                largest = max(largest, int(block.get("track_id", _NO_TRACK).max(initial=-1)))
             if embeddings is not None:
                 _add_embeddings(columns, embeddings[name], shard)
         scenes += len(numbers)
         tracks += largest + 1
-    return columns.joined(tuple(folders), made_with)
-
-
-def load_instants(folders: Mapping[str, Path]) -> TrainingRows:
-    """All rows of some sets of situations, world by world; they lie on disk (`MappedRows`).
-
-    Args:
-        folders: set -> its folder; of the same protocol and sizes.
-
-    Raises:
-        InputError: a file is missing or damaged.
-        ValueRuleError: the sets were made with different sizes.
-        OSError: the disk is full.
-    """
-    manifests = {name: read_situations_manifest(folder) for name, folder in folders.items()}
-    made_with = _common({name: row_format for name, (row_format, _) in manifests.items()})
-    columns, steps, scene = _Columns(), made_with.protocol.horizon_steps, 0
-    for part, (name, (_, worlds)) in enumerate(manifests.items()):
-        for world in worlds:
-            stored = read_situations(folders[name], world, made_with)
-            future = stored.pop("future")
-            columns.add_spans(np.array([[0, len(future)]]), part, np.array([scene]), np.zeros(1, int))
-            columns.add(made_with.features.channels(stored), future, np.full(len(future), steps))
-            scene += 1
-    return columns.joined(tuple(folders), made_with)
+    return columns.join(tuple(folders))
 
 
 def _common(formats: Mapping[str, RowFormat]) -> RowFormat:
@@ -208,28 +177,34 @@ def _common(formats: Mapping[str, RowFormat]) -> RowFormat:
 class _Columns:
     """Rows and spans, as they are read."""
 
-    def __init__(self) -> None:
+    def __init__(self, row_format: RowFormat) -> None:
+        self.row_format = row_format
         self.mapped: dict[str, MappedRows] = {}
         self.spans: list[tuple[np.ndarray, ...]] = []
 
     def __len__(self) -> int:
         return len(self.mapped["future"]) if self.mapped else 0
 
-    def add_spans(self, spans: np.ndarray, part: int, scene: np.ndarray, track: np.ndarray) -> None:
-        """Append spans of rows that follow."""
-        self.spans.append((spans + len(self), np.full(len(spans), part), scene, track))
-
-    def add(self, channels: Mapping[str, np.ndarray], future: np.ndarray, future_steps: np.ndarray) -> None:
-        """Append rows."""
-        columns = {**channels, "future": future.copy(), "future_steps": future_steps.astype(np.int64)}
-        for name, values in columns.items():
+    def add(self, block: Mapping[str, np.ndarray], part: int, scene: int, tracks: int) -> None:
+        """Append a block of one scene; ids of its tracks begin at `tracks`."""
+        future, known = block["future"], block.get("future_steps")
+        if "step" in block:
+            spans = sequences_of(block["step"])
+            track = block["track_id"][spans[:, 0]] + tracks
+        else:
+            spans, track = np.array([[0, len(future)]]), np.zeros(1, int)
+        each = np.full((2, len(spans)), [[part], [scene]])
+        self.spans.append((spans + len(self), *each, track))
+        known = np.full(len(future), future.shape[1]) if known is None else known
+        rows = {"future": future, "future_steps": known.astype(np.int64)}
+        for name, values in {**self.row_format.features.channels(block), **rows}.items():
             self.extend(name, values)
 
     def extend(self, name: str, values: np.ndarray) -> None:
         """Append to one column."""
         self.mapped.setdefault(name, MappedRows(name)).append(values)
 
-    def joined(self, sets: tuple[str, ...], made_with: RowFormat) -> TrainingRows:
+    def join(self, sets: tuple[str, ...]) -> TrainingRows:
         """Everything that was added.
 
         Raises:
@@ -240,7 +215,7 @@ class _Columns:
         tensors = {name: torch.from_numpy(rows.array()) for name, rows in self.mapped.items()}
         future, future_steps = tensors.pop("future"), tensors.pop("future_steps")
         spans = Spans(*(np.concatenate(column) for column in zip(*self.spans, strict=True)))
-        return TrainingRows(tensors, future, future_steps, spans, sets, made_with)
+        return TrainingRows(tensors, future, future_steps, spans, sets, self.row_format)
 
 
 def _add_embeddings(columns: _Columns, folder: Path, shard: str) -> None:
@@ -250,10 +225,3 @@ def _add_embeddings(columns: _Columns, folder: Path, shard: str) -> None:
     if count != len(columns):
         problem = f"{count} rows so far beside {len(columns)} rows of features"
         raise InputError(folder / f"{shard}.parquet", "embedding", problem, "Encode the features again")
-
-
-def select_held_out(spans: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    """Which spans of a set are kept for validation; at least one stays for training. [S] bool."""
-    chosen = np.zeros(len(spans), bool)
-    chosen[rng.permutation(len(spans))[: min(round(share * len(spans)), len(spans) - 1)]] = True
-    return chosen

@@ -31,7 +31,6 @@ class Drive:
         reached: whether the robot came to the goal.
         cycle_s: computing time of each cycle: forecast and plan, s. [T - 1]
         forecasts: of all frames, those while it watched included; only if asked for.
-        detections: (track ids, positions) of the same frames; only if asked for.
     """
 
     state: np.ndarray
@@ -41,7 +40,6 @@ class Drive:
     reached: bool
     cycle_s: np.ndarray
     forecasts: tuple[Forecast, ...] = ()
-    detections: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
 
 
 def drive(
@@ -60,13 +58,13 @@ def drive(
         forecaster: that has seen nobody yet; it gets detections only.
         occupancy: the walls, which hide people.
         settings: of robot, planner and sensor.
-        keep: whether to keep forecasts and detections.
+        keep: whether to keep the forecasts.
     """
     robot, sensor, limits = settings.robot, settings.sensor, settings.robot.limits
     dt_s, goal = settings.planner.dt_s, episode.course.goal
     planner = Planner(robot, episode.course, settings.planner)
     state = (float(episode.start[0]), float(episode.start[1]), episode.heading_rad, 0.0, 0.0)
-    states, cycles, forecasts, detections, reached = [state], [], [], [], False
+    states, cycles, forecasts, reached = [state], [], [], False
     people, there_s = [], []
     for tick in range(episode.ticks):
         crowd.meet(state, _velocity(state, settings))
@@ -77,7 +75,6 @@ def drive(
         forecast = _forecast(forecaster, tick * dt_s, crowd.track_id[seen], detected, state, settings)
         if keep:
             forecasts.append(forecast)
-            detections.append((crowd.track_id[seen], detected))
         if tick < episode.watching:
             crowd.advance()
             continue
@@ -95,7 +92,7 @@ def drive(
     there_s.append(crowd.there_s)
     return Drive(
         np.array(states), np.array(people), np.array(there_s), dt_s, reached, np.array(cycles),
-        tuple(forecasts), tuple(detections),
+        tuple(forecasts),
     )  # fmt: skip
 
 

@@ -78,9 +78,9 @@ def expected(forecast: Forecast, steps: Steps, noise_m: float) -> Expected:
         spread[:, :, 0, ::2] = noise_m**2
     at = np.minimum((np.arange(steps.count) + 1) * steps.dt_s / dt_s, predictions.steps)
     at = np.where(np.abs(at - np.round(at)) < 1e-6, np.round(at), at)
-    low = np.floor(at).astype(np.int64)
+    low = at.astype(np.int64)
     high, share = np.ceil(at).astype(np.int64), (at - low)[:, None]
-    mean = np.where(share == 0, path[:, :, low], (1 - share) * path[:, :, low] + share * path[:, :, high])
+    mean = (1 - share) * path[:, :, low] + share * path[:, :, high]
     covariance = (1 - share) * spread[:, :, low] + share * spread[:, :, high]
     covariance[..., ::2] += _SMALL_M**2
     middle = 0.5 * (covariance[..., 0] + covariance[..., 2])

@@ -111,7 +111,7 @@ class Runner:
         return rows, cycles
 
     def driven(self, place: Place, episode: Episode, condition: Condition, keep: bool = False) -> Drive:
-        """Drive one episode under one condition; `keep`: with its forecasts and detections."""
+        """Drive one episode under one condition; `keep`: with its forecasts."""
         settings = replace(self.settings, planner=replace(self.settings.planner, risk=condition.risk))
         crowd = episode.crowd()
         predictor = self._predictors[self._models.of(condition.method)]

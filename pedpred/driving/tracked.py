@@ -10,7 +10,7 @@ from pedpred.online.frame import Frame
 from pedpred.online.past import slots_for
 from pedpred.online.people import People
 from pedpred.online.registration import register_detections
-from pedpred.tracking import Belief, predicted
+from pedpred.tracking import Belief, predict
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 
@@ -63,7 +63,5 @@ class TrackedPeople:
             np.repeat(held[name][:, None], len(ahead_s), axis=1).reshape(-1, size)
             for name, size in (("position", 2), ("velocity", 2), ("covariance", 3))
         )
-        variance = (
-            predicted(Belief(*each), since_s, q).covariance[:, 0].reshape(people, len(ahead_s), filters)
-        )
+        variance = predict(Belief(*each), since_s, q).covariance[:, 0].reshape(people, len(ahead_s), filters)
         return np.asarray((share[:, None] * variance).sum(axis=-1)[..., None, None] * np.eye(2))

@@ -59,7 +59,7 @@ class ModelFeatures(Protocol):
         """What a network reads, but for what a frozen encoder computes: channel -> [Q, width].
 
         Args:
-            stored: of `compute`, or columns of a file with "state", the velocity, agent frame, m/s.
+            stored: of `compute`, or columns of a file.
         """
 
     def empty_channels(self) -> dict[str, float]:

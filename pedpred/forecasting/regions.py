@@ -13,13 +13,14 @@ its own: a is for all, b for the tails. People who are forecast to stand and to 
 Paths, weights and the point forecast stay.
 
 A forecast is in three places, one after the other: each of its compared steps is a `PendingForecast` until
-the detections around its time are there; its comparison becomes an `Adjustment` of a and b; that is undone if
-the person is not seen up to the last step, as such forecasts do not count in the evaluation either. Most of
-what was learned between a forecast and its comparison is applied to it before, or the same error would be
-corrected again and again for up to 3 s. A detection has noise, which is no error of the forecast: its
-declared variance is added to that of the forecast before they are compared. What is much smaller than the
-noise cannot be told from it, so no standard deviation shrinks below a share of the noise. Detections in a
-burst, which follow the last kept one within `pedpred.tracking.spacing.SPACING_S`, are left out.
+the detections around its time are there; its comparison becomes an `Adjustment` of a and b; that is undone,
+and later steps do not count, if it is not known where the person is at one of the steps, as such forecasts
+do not count in the evaluation either. Most of what was learned between a forecast and its comparison is
+applied to it before, or the same error would be corrected again and again for up to 3 s. A detection has
+noise, which is no error of the forecast: its declared variance is added to that of the forecast before they
+are compared. What is much smaller than the noise cannot be told from it, so no standard deviation shrinks
+below a share of the noise. Detections in a burst, which follow the last kept one within
+`pedpred.tracking.spacing.SPACING_S`, are left out.
 """
 
 from __future__ import annotations
@@ -93,6 +94,14 @@ class PendingForecast(NamedTuple):
     covariance: np.ndarray
     weight: np.ndarray
     learned: np.ndarray
+
+    def without(self, lost: np.ndarray) -> PendingForecast:
+        """Without the forecasts of some numbers, rising."""
+        gone = is_in_sorted(lost, self.forecast)
+        if not gone.any():
+            return self
+        names = "forecast", "person", "group", "path", "covariance", "weight"
+        return self._replace(**{name: getattr(self, name)[~gone] for name in names})
 
 
 class Adjustment(NamedTuple):
@@ -252,14 +261,17 @@ class Regions:
         span_s = min(now.time_s - now.looked_s, _LONG_S)
         new, lost = compare_with_detections(due, now.detections, self.learned, self.noise_m, span_s)
         moved, adjustment = new.sums(len(self.steps)), self.adjustment.concatenated(new)
+        pending = tuple(one for one in self.pending if one.due_s > now_s)
         if len(lost):
-            undone = is_in_sorted(np.sort(lost), adjustment.forecast)
+            lost = np.sort(lost)
+            undone = is_in_sorted(lost, adjustment.forecast)
             moved -= adjustment.select(undone).sums(len(self.steps))
             adjustment = adjustment.select(~undone)
+            pending = tuple(one.without(lost) for one in pending)
         return replace(
             self,
             learned=np.clip(self.learned + moved, *self.limits),
-            pending=tuple(one for one in self.pending if one.due_s > now_s),
+            pending=pending,
             adjustment=adjustment.select(adjustment.until_s > now_s),
         )
 

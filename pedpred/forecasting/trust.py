@@ -205,7 +205,7 @@ class Trust:
         ahead_s = forecasts.dt_s * np.arange(1, forecasts.steps + 1)
         paths = lines.position[:, :, None] + lines.velocity[:, :, None] * ahead_s[:, None]
         offset, group = _zero_if_unknown(paths - forecasts.point[:, None]), groups_of(forecasts)
-        fits = np.interp(_zero_if_unknown(lines.missed_m), _FITS_M, [1.0, 0.0])
+        fits = _zero_if_unknown(np.interp(lines.missed_m, _FITS_M, [1.0, 0.0]))
         trust = self
         if now.is_look:
             lately = now.detections.since(now.time_s - ahead_s[-1] - LEFT_AFTER_S)

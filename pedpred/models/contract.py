@@ -13,15 +13,6 @@ from typing import Any, NamedTuple, Protocol
 import torch
 from torch import Tensor, nn
 
-from pedpred.models.lstm.autoencoder import GridEncoder
-
-CHANNELS = ("state", "grid", "angular")
-"""What a network can read at each step.
-
-state: velocity, agent frame, m/s. grid: the frozen encoder's embedding of the occupancy crop.
-angular: 1 - r / r_max of the angular pedestrian grid, so that an empty cone is 0.
-"""
-
 UNITS = "[1, 65536]"
 """Valid numbers of units of a layer."""
 
@@ -41,7 +32,7 @@ class NetworkSettings(Protocol):
 
     @property
     def channels_read(self) -> tuple[str, ...]:
-        """Those of `CHANNELS` that the network reads."""
+        """Names of the channels that the network reads."""
 
     def build(self, widths: Mapping[str, int], horizon_steps: int) -> ForecastNetwork:
         """A network with random weights.
@@ -131,15 +122,15 @@ class ForecastNetwork(nn.Module, ABC):
         """Validation scores per step, in the order of `score_names`; lower is better. [..., P] each."""
 
     @abstractmethod
-    def answer(self, outputs: Tensors, dt_s: float) -> Tensors:
+    def decode(self, outputs: Tensors, dt_s: float) -> Tensors:
         """The outputs as tensors of `pedpred.forecasting.tensors`, with leading axes [...]."""
 
     def clipped_groups(self) -> list[list[nn.Parameter]]:
         """Groups of weights whose gradients are clipped by a norm of their own."""
         return [list(self.parameters())]
 
-    def take_encoder(self, encoder: GridEncoder) -> None:
-        """Initialise what the pre-trained auto-encoder can initialise; nothing by default."""
+    def take_encoder(self, encoder: nn.Module) -> None:
+        """Initialise what a pre-trained encoder of some input can initialise; nothing by default."""
 
 
 def reset(state: Tensors, starts: Tensor) -> Tensors:

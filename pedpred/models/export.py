@@ -47,8 +47,8 @@ class ExportedStep(nn.Module):
 
     def forward(self, *values: Tensor) -> tuple[Tensor, ...]:
         """Inputs, then state, in order -> outputs, then state. [N, ...] each."""
-        answer, after = self.advance(*values)
-        return (*answer.values(), *(after[name] for name in self.memory))
+        decoded, after = self.advance(*values)
+        return (*decoded.values(), *(after[name] for name in self.memory))
 
     def advance(self, *values: Tensor) -> tuple[Tensors, Tensors]:
         """The same, by name; the outputs in the order of `TENSORS`."""
@@ -57,8 +57,8 @@ class ExportedStep(nn.Module):
         if "crop" in channels and self.encoder is not None:
             channels["grid"] = self.encoder.embedding(channels.pop("crop"))
         outputs, after = self.network.step(channels, state)
-        answer = self.network.answer(outputs, self.dt_s)
-        return {name: answer[name] for name in TENSORS if name in answer}, after
+        decoded = self.network.decode(outputs, self.dt_s)
+        return {name: decoded[name] for name in TENSORS if name in decoded}, after
 
 
 def export_onnx(
@@ -84,9 +84,9 @@ def export_onnx(
     sizes = [shapes[name] for name in step.inputs] + list(step.memory.values())
     example = tuple(torch.zeros(2, *size) for size in sizes)  # two: a size of 1 would be taken for fixed
     with torch.inference_mode():
-        answer, _ = step.advance(*example)
+        decoded, _ = step.advance(*example)
     sources = [*step.inputs, *step.memory]
-    sinks = [*answer, *(f"{name}_next" for name in step.memory)]
+    sinks = [*decoded, *(f"{name}_next" for name in step.memory)]
     with atomic_write(path) as new, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the exporter is deprecated; LSTMs with other numbers of people work
         torch.onnx.export(
@@ -101,7 +101,7 @@ def export_onnx(
         )
         onnx.checker.check_model(str(new), full_check=True)
         _check_graph(step, sizes, sources, new)
-    outputs = {name: tuple(value.shape[1:]) for name, value in answer.items()}
+    outputs = {name: tuple(value.shape[1:]) for name, value in decoded.items()}
     return {"inputs": step.inputs, "memory": step.memory, "outputs": outputs}
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from pedpred.datasets.rows import EMBEDDED
 from pedpred.features import ModelFeatures
 from pedpred.forecasting import ForecastRequest
 from pedpred.forecasting.blocks import forecast_blocks
@@ -17,7 +16,7 @@ from pedpred.forecasting.postprocessing import Postprocessing
 from pedpred.forecasting.tensors import predictions_of
 from pedpred.models.contract import ForecastNetwork, Tensors
 from pedpred.models.lstm.autoencoder import GridEncoder
-from pedpred.models.lstm.encoding import encode_once, load_encoder
+from pedpred.models.lstm.encoding import EMBEDDED, encode_once, load_encoder
 from pedpred.models.registry import load_format, load_network
 from pedpred.models.rolling import outputs_at_instants
 from pedpred.scenes import Predictions
@@ -58,7 +57,7 @@ class NetworkForecaster:
             return Predictions.single(np.zeros((0, sizes.horizon_steps, 2)), sizes.dt_s)
         if not self.network.state_shapes:
             return self._present(request)
-        predictions = self._answer(self._recalled(request), sizes.dt_s)
+        predictions = self._decode(self._outputs(request), sizes.dt_s)
         return predictions.in_world(asked.position, asked.heading_rad)
 
     def _present(self, request: ForecastRequest) -> Predictions:
@@ -68,19 +67,19 @@ class NetworkForecaster:
             channels = self.features.channels(inputs)
             with torch.inference_mode():
                 outputs, _ = self.network({n: torch.from_numpy(v)[:, None] for n, v in channels.items()}, {})
-            return self._answer({name: values[:, 0] for name, values in outputs.items()}, request.sizes.dt_s)
+            return self._decode({name: values[:, 0] for name, values in outputs.items()}, request.sizes.dt_s)
 
         postprocessing = Postprocessing(self.together, self.learning, request.detection_noise_m, self.trust)
         which, parts = zip(*forecast_blocks(request, self.features, infer, postprocessing), strict=True)
         return Predictions.join(parts).select(np.argsort(np.concatenate(which)))
 
-    def _answer(self, outputs: Tensors, dt_s: float) -> Predictions:
+    def _decode(self, outputs: Tensors, dt_s: float) -> Predictions:
         """What outputs mean, agent frames."""
         with torch.inference_mode():
-            answer = self.network.answer(outputs, dt_s)
-        return predictions_of({name: values.numpy() for name, values in answer.items()}, dt_s)
+            decoded = self.network.decode(outputs, dt_s)
+        return predictions_of({name: values.numpy() for name, values in decoded.items()}, dt_s)
 
-    def _recalled(self, request: ForecastRequest) -> Tensors:
+    def _outputs(self, request: ForecastRequest) -> Tensors:
         """Outputs of a recurrent network. [W, ...] each."""
         steps, asked = request.steps, request.asked
         latest = last_rows(steps.track_id, steps.time_s, asked.track_id, asked.time_s)

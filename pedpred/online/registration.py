@@ -116,7 +116,7 @@ def _follow(
 def _newborn(people: People, frame: Frame, bank: KalmanBank, standstill_mps: float, lives: int) -> People:
     """Those in a frame, who are detected for the first time; arrays of others say what is kept of each."""
     count, position = len(frame), frame.position
-    states = bank.born(position), bank.unlearned(count)
+    states = bank.initial_beliefs(position), bank.unlearned(count)
     if frame.velocity is not None:
         states = _known_states(bank, position, frame.velocity)
     here, now = weighted(*states), np.full(count, frame.time_s)

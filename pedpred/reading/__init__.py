@@ -122,7 +122,7 @@ def read_recording(path: Path, options: ReadOptions | None = None, with_walls: b
         form, content = "one person per file", _read_folder(path, options)
     else:
         reader = format_of(path, options)
-        with _unpacked(path) as plain, add_path(path):
+        with _unpack(path) as plain, add_path(path):
             form, content = reader.NAME, reader.read(plain, options)
     with add_path(path):
         tracks = to_tracks(str(path), content, options)
@@ -135,7 +135,7 @@ def read_recording(path: Path, options: ReadOptions | None = None, with_walls: b
 
 
 @contextmanager
-def _unpacked(path: Path) -> Iterator[Path]:
+def _unpack(path: Path) -> Iterator[Path]:
     """The file, or a temporary one with the content of a file that is compressed with gzip."""
     with path.open("rb") as file:
         if file.read(len(GZIP)) != GZIP:

@@ -110,7 +110,7 @@ def number_ids(column: pa.ChunkedArray, missing: np.ndarray) -> tuple[np.ndarray
     if len(encoded.dictionary) > _MOST_NAMES:
         raise ContentError(f"{len(encoded.dictionary)} different ids, at most {_MOST_NAMES}", _OTHER_COLUMN)
     used, first = np.unique(place[~missing], return_index=True)
-    written = [_written(value) for value in encoded.dictionary.take(pa.array(used)).to_pylist()]
+    written = [_id_text(value) for value in encoded.dictionary.take(pa.array(used)).to_pylist()]
     of_place = np.zeros(max(1, len(encoded.dictionary)), np.int64)
     names = TrackNames()
     if all(map(is_whole, written)):
@@ -124,7 +124,7 @@ def number_ids(column: pa.ChunkedArray, missing: np.ndarray) -> tuple[np.ndarray
     return of_place[place], names
 
 
-def _written(value: object) -> str:
+def _id_text(value: object) -> str:
     """An id as text; whole numbers have no point, as in `1.0` and `1.0000000e+00`."""
     text = str(value).strip()
     try:

@@ -12,13 +12,14 @@ import csv
 import logging
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
+from pyarrow import dataset
 
 from pedpred.reading.errors import ContentError
 from pedpred.reading.geometry import Geometry
@@ -28,6 +29,7 @@ from pedpred.reading.order import check_changes, ids_come_first
 from pedpred.reading.text import BLANKS, TextForm, check_size, first_lines, numbers, read_columns
 
 NAME = "table"
+_PARQUET = b"PAR1"
 TITLES = {
     "time": ("time", "t", "timestamp", "time_stamp", "sim_time", "timestep_time", "seconds", "datetime"),
     "frame": ("frame", "frame_id", "frame_number", "frame_no", "frame_index"),
@@ -146,8 +148,7 @@ def read(path: Path, options: ReadOptions, also: Sequence[str] = ()) -> Table:
         ContentError: columns are missing, or a line has another number of columns.
     """
     if is_columnar(Head.of(path).raw):
-        columns = find_columns(column_titles(path), options)
-        return Table(read_columnar(path, columns.titles), columns.unit, clock_s=columns.clock_s)
+        return _read_columnar(path, options)
     form, comments, has_header = text_form(path, options)
     if not has_header and not isinstance(options.columns, tuple):
         return _read_untitled(path, form, comments, options)
@@ -304,51 +305,28 @@ def find_unit_and_rate(comments: Sequence[str]) -> tuple[str | None, float | Non
 
 def is_columnar(raw: bytes) -> bool:
     """Whether a file that begins like this is Parquet or Feather."""
-    return raw.startswith((b"PAR1", b"ARROW1"))
+    return raw.startswith((_PARQUET, b"ARROW1"))
 
 
-def column_titles(path: Path) -> list[str]:
-    """The titles of a Parquet or Feather file."""
-    if Head.of(path).raw.startswith(b"PAR1"):
-        return [str(name) for name in pq.read_schema(path).names]
-    with pa.memory_map(str(path)) as file:
-        return [str(name) for name in pa.ipc.open_file(file).schema.names]
-
-
-def read_columnar(path: Path, wanted: Mapping[str, str]) -> pa.Table:
-    """Read some columns of Parquet or Feather; others are not decoded.
-
-    Args:
-        path: the file.
-        wanted: name of a column of the result -> its title.
+def _read_columnar(path: Path, options: ReadOptions) -> Table:
+    """Read the columns that are needed of Parquet or Feather; others are not decoded.
 
     Raises:
-        ContentError: there are too many rows, or the file is damaged.
+        ContentError: a column is missing, or there are too many rows.
     """
-    used = list(dict.fromkeys(wanted.values()))
-    try:
-        if Head.of(path).raw.startswith(b"PAR1"):
-            with pq.ParquetFile(path, page_checksum_verification=True) as file:
-                check_size(file.metadata.num_rows, len(wanted))
-                table = file.read(used)
-        else:
-            table = _read_feather(path, used)
-    except MemoryError as cause:
-        raise ContentError("it is damaged: it declares more values than fit into memory") from cause
-    table.validate(full=True)
-    return pa.table({name: table[title] for name, title in wanted.items()})
-
-
-def _read_feather(path: Path, used: Sequence[str]) -> pa.Table:
-    with pa.OSFile(str(path)) as source:
-        schema = pa.ipc.open_file(source).schema
-        chosen = pa.ipc.IpcReadOptions(included_fields=sorted(map(schema.get_field_index, used)))
-        file = pa.ipc.open_file(source, options=chosen)
-        batches: list[pa.RecordBatch] = []
-        for number in range(file.num_record_batches):
-            batches.append(file.get_batch(number))
-            check_size(sum(map(len, batches)), len(used))
-        return pa.Table.from_batches(batches, file.schema if not batches else None)
+    scanned = dataset.ParquetFragmentScanOptions(page_checksum_verification=True)
+    parquet = dataset.ParquetFileFormat(default_fragment_scan_options=scanned)
+    file = dataset.dataset(path, format=parquet if Head.of(path).raw.startswith(_PARQUET) else "feather")
+    columns = find_columns(file.schema.names, options)
+    check_size(file.count_rows())
+    rows = None
+    with suppress(MemoryError):  # of a size in a damaged file, which no machine has
+        rows = file.to_table(columns=list(set(columns.titles.values())), use_threads=False)
+    if rows is None:
+        raise ContentError("it is damaged: it declares more values than fit into memory")
+    rows.validate(full=True)
+    rows = pa.table({name: rows[title] for name, title in columns.titles.items()})
+    return Table(rows, columns.unit, clock_s=columns.clock_s)
 
 
 def from_frame(frame: pd.DataFrame, options: ReadOptions) -> tuple[Table, pd.Index]:

@@ -25,7 +25,7 @@ BLANKS = " "
 """The delimiter that stands for any number of blanks and tabs."""
 MISSING = ("", "?", "-", "nan", "na", "n/a", "<na>", "nat", "null", "none")
 """Spellings of a missing value, in small letters."""
-_BLOCK, _LONGEST_LINE = 2**20, 2**20
+_BLOCK, _LONGEST_LINE = 2**21, 2**20
 _EXACT = 2**53  # floats of larger whole numbers are rounded
 
 
@@ -64,7 +64,7 @@ def read_lines(path: Path, encoding: str | None = None) -> Iterator[str]:
     Raises:
         ContentError: the file is not text in this encoding, or a line is absurdly long.
     """
-    with _opened(path, encoding) as file:
+    with _open_text(path, encoding) as file:
         while line := _next_line(file):
             yield line.rstrip("\n")
 
@@ -75,7 +75,7 @@ def first_lines(path: Path, count: int, encoding: str | None = None) -> list[str
 
 
 @contextmanager
-def _opened(path: Path, encoding: str | None) -> Iterator[TextIO]:
+def _open_text(path: Path, encoding: str | None) -> Iterator[TextIO]:
     if encoding is None:
         with path.open("rb") as raw:
             encoding = "utf-16" if raw.read(2) in UTF_16 else "utf-8-sig"
@@ -134,7 +134,7 @@ def read_columns(
 
 def _blocks(path: Path, form: TextForm) -> Iterator[bytes]:
     """Yield the rows, whole lines as UTF-8; runs of blanks become one where they are the delimiter."""
-    with _opened(path, form.encoding) as file:
+    with _open_text(path, form.encoding) as file:
         for _ in range(form.skipped):
             _next_line(file)
         while text := file.read(_BLOCK):

@@ -48,27 +48,28 @@ def to_tracks(file: str, table: Table, options: ReadOptions) -> Tracks:
         ContentError: a value is wrong, a person is at two places at once, or rate or unit are unknown.
     """
     rows, before = table.rows, table.before
-    kept = _are_people(file, rows, options)
+    kept = _find_people(file, rows, options)
     x, y = (numbers(rows[axis], axis, before) for axis in "xy")
     position = np.stack([x, y], axis=-1)
     placed, unnamed = np.isfinite(x) & np.isfinite(y), is_missing(rows["id"])
-    _tell_dropped(file, kept & ~placed & ~unnamed, before, "without a position")
+    _warn_dropped(file, kept & ~placed & ~unnamed, before, "without a position")
     kept &= placed
     if kept.any() and unnamed[kept].all():
         raise ContentError("the id is missing in all rows", "Name the column: --columns id=TITLE")
-    _tell_dropped(file, kept & unnamed, before, "with a position and no id")
+    _warn_dropped(file, kept & unnamed, before, "with a position and no id")
     kept &= ~unnamed
     track_id, names = number_ids(rows["id"], ~kept)
     if names.of_number:
         shown = ", ".join(f"{text} is {number}" for number, text in list(names.of_number.items())[:_SHOWN])
         _log.info("%s: ids are words; they get numbers: %s", file, shown)
-    untracked = _are_untracked(track_id, kept, names)
-    _tell_dropped(file, untracked, before, "with id -1 (not tracked)")
+    untracked = _find_untracked(track_id, kept, names)
+    _warn_dropped(file, untracked, before, "with id -1 (not tracked)")
     kept &= ~untracked
     metres, time_s = _in_metres(position, kept, table, options), _seconds(kept, table, options)
-    copies = _copies(time_s, track_id, metres, kept, names, before)
-    _tell_dropped(file, copies, before, "that repeat another one")
-    index = np.flatnonzero(kept & ~copies)
+    copies = _find_copies(time_s, track_id, metres, kept, names, before)
+    _warn_dropped(file, copies, before, "that repeat another one")
+    kept &= ~copies
+    index = slice(None) if kept.all() else kept  # most files are kept as a whole
     columns = {"time_s": time_s[index], "track_id": track_id[index]}
     columns |= dict(zip(("x_m", "y_m"), metres[index].T, strict=True))
     for name in set(rows.column_names) & set(TRACK_COLUMNS) - set(columns):
@@ -79,7 +80,7 @@ def to_tracks(file: str, table: Table, options: ReadOptions) -> Tracks:
     return Tracks(tracks_of(columns, Path(file)), names)
 
 
-def _tell_dropped(file: str, dropped: np.ndarray, before: int | None, what: str) -> None:
+def _warn_dropped(file: str, dropped: np.ndarray, before: int | None, what: str) -> None:
     """Warn of rows that are left out. [M] bool."""
     if dropped.any():
         where = _place(int(dropped.argmax()), before)
@@ -90,7 +91,7 @@ def _place(row: int, before: int | None) -> str:
     return f"row {row + 1}" if before is None else f"line {before + row + 1}"
 
 
-def _are_people(file: str, rows: pa.Table, options: ReadOptions) -> np.ndarray:
+def _find_people(file: str, rows: pa.Table, options: ReadOptions) -> np.ndarray:
     """Which rows are of the classes that are people. [M] bool.
 
     Raises:
@@ -114,7 +115,7 @@ def _are_people(file: str, rows: pa.Table, options: ReadOptions) -> np.ndarray:
     return np.array(labels.isin(people), bool)
 
 
-def _are_untracked(track_id: np.ndarray, kept: np.ndarray, names: TrackNames) -> np.ndarray:
+def _find_untracked(track_id: np.ndarray, kept: np.ndarray, names: TrackNames) -> np.ndarray:
     """Which rows have the id -1, unless all have, or other ids are negative, too. [M] bool."""
     number = next((number for number, text in names.of_number.items() if text == "-1"), -1)
     untracked = kept & (track_id == number)
@@ -181,7 +182,7 @@ def _seconds(kept: np.ndarray, table: Table, options: ReadOptions) -> np.ndarray
     return time_s
 
 
-def _copies(
+def _find_copies(
     time_s: np.ndarray,
     track_id: np.ndarray,
     position: np.ndarray,
@@ -194,8 +195,8 @@ def _copies(
     Raises:
         ContentError: a person is at two places at once; it names both lines.
     """
-    index = np.flatnonzero(kept)
-    order = index[np.lexsort((time_s[index], track_id[index]))]  # stable: the earlier line comes first
+    order = np.lexsort((time_s, track_id))  # stable: the earlier line comes first
+    order = order if kept.all() else order[kept[order]]
     again = (np.diff(track_id[order]) == 0) & (np.diff(time_s[order]) == 0)
     first, second = order[:-1][again], order[1:][again]
     apart = np.flatnonzero((position[first] != position[second]).any(axis=-1))

@@ -76,6 +76,12 @@ class Trajectories:
     def __len__(self) -> int:
         return len(self.time_s)
 
+    def by_track(self) -> list[np.ndarray]:
+        """Rows of each track in the order of time; tracks by id."""
+        order = np.lexsort((self.time_s, self.track_id))
+        starts = np.flatnonzero(np.diff(self.track_id[order])) + 1
+        return np.split(order, starts) if len(order) else []
+
     def usual_interval_s(self) -> float:
         """Median time between two detections of a track, s.
 

@@ -17,17 +17,15 @@ def _corner(x, y, origin, resolution_m, shape_x, shape_y):
     """Lower cell and weights of the bilinear interpolation at (x, y); constant beyond the centres."""
     u = min(max((x - origin[0]) / resolution_m - 0.5, 0.0), shape_x - 1.0)
     v = min(max((y - origin[1]) / resolution_m - 0.5, 0.0), shape_y - 1.0)
-    i = min(int(u), max(shape_x - 2, 0))
-    j = min(int(v), max(shape_y - 2, 0))
+    i, j = min(int(u), shape_x - 2), min(int(v), shape_y - 2)
     return i, j, u - i, v - j
 
 
 @compiled
 def _blend(values, i, j, p, q):
-    """Bilinear mean of the four values around a point."""
-    i2, j2 = min(i + 1, values.shape[0] - 1), min(j + 1, values.shape[1] - 1)
-    low = (1.0 - q) * values[i, j] + q * values[i, j2]
-    high = (1.0 - q) * values[i2, j] + q * values[i2, j2]
+    """Bilinear mean of the four values around a point; in a grid of one cell i = -1 is this cell, too."""
+    low = (1.0 - q) * values[i, j] + q * values[i, j + 1]
+    high = (1.0 - q) * values[i + 1, j] + q * values[i + 1, j + 1]
     return (1.0 - p) * low + p * high
 
 

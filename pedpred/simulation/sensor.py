@@ -144,10 +144,8 @@ def _people_by_clock(scene: Scene, settings: SensorSettings, rng: np.random.Gene
     instants = np.arange(rng.uniform(0.0, interval_s), end_s, interval_s)
     instants += rng.uniform(-settings.jitter_s, settings.jitter_s, len(instants))
     instants = np.unique(np.clip(instants, 0.0, end_s))
-    order = np.lexsort((truth.time_s, truth.track_id))
-    starts = np.flatnonzero(np.diff(truth.track_id[order], prepend=-1))
     times_s, people, positions = [np.empty(0)], [np.empty(0, np.int64)], [np.empty((0, 2))]
-    for rows in np.split(order, starts[1:]) if len(order) else []:
+    for rows in truth.by_track():
         known_s = truth.time_s[rows]
         first_s = known_s[0] + rng.uniform(0.0, settings.late_s)
         seen_s = instants[(instants >= first_s) & (instants <= known_s[-1])]

@@ -85,7 +85,7 @@ def read_sequence(folder: Path, name: str, settings: Mapping[str, Any]) -> Scene
     return Scene(name, replace(people, group_id=group_id), ground, dt_s, camera)
 
 
-def merged(groups: Iterable[set[int]]) -> list[set[int]]:
+def merge_groups(groups: Iterable[set[int]]) -> list[set[int]]:
     """Unite groups that share a member until all are disjoint; ordered by their smallest member."""
     apart: list[set[int]] = []
     for group in groups:
@@ -115,7 +115,7 @@ def _read_groups(path: Path, known: set[int]) -> dict[int, int]:
             if strangers := group - known:
                 raise ContentError(f"id {min(strangers)} has no row in obsmat.txt", line=line)
             groups.append(group)
-    together = [group for group in merged(groups) if len(group) > 1]
+    together = [group for group in merge_groups(groups) if len(group) > 1]
     return {track: number for number, group in enumerate(together) for track in group}
 
 

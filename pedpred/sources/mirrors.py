@@ -120,7 +120,7 @@ def provide(mirrors: Mirrors, target: Path) -> None:
                 new = Path(scratch, "new", folder, NOTE)
                 new.parent.mkdir(parents=True, exist_ok=True)
                 new.write_text(f"{note}\n")
-            _put(Path(scratch, "new"), target)
+            _move_into_place(Path(scratch, "new"), target)
         _log.warning("%s", note)
 
 
@@ -147,18 +147,18 @@ def fetch(mirrors: Mirrors, target: Path) -> None:
             except _FAILURES as cause:
                 problem = f"{type(cause).__name__}: {cause}"
             if problem is None:
-                _put(copy, target)
+                _move_into_place(copy, target)
                 _log.info("%s comes from %s", target, place)
                 return
             _log.warning("%s skipped: %s", place, problem)
             tried[place] = problem
-            for name in _altered(copy, mirrors.sums):
+            for name in _find_altered(copy, mirrors.sums):
                 damaged = True
                 (copy / name).unlink()
     raise FetchError(mirrors.data_set, mirrors.required, tried, damaged)
 
 
-def _put(new: Path, target: Path) -> None:
+def _move_into_place(new: Path, target: Path) -> None:
     """Move a folder into the place of another one, which goes to the scratch folder that `new` is in."""
     if target.exists():
         target.rename(new.with_name("old"))
@@ -193,12 +193,12 @@ def places(data_set: str, folders: Iterable[str], archives: Iterable[str]) -> li
 def lack(folder: Path, mirrors: Mirrors) -> str | None:
     """Describe the first thing that is wrong with the files in a folder; None if nothing is."""
     missing = [f"{name} is missing" for name in mirrors.required if not (folder / name).is_file()]
-    problems = [*_altered(folder, mirrors.sums).values(), *missing]
+    problems = [*_find_altered(folder, mirrors.sums).values(), *missing]
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return problems[0] + more if problems else None
 
 
-def _altered(folder: Path, sums: Mapping[str, str]) -> dict[str, str]:
+def _find_altered(folder: Path, sums: Mapping[str, str]) -> dict[str, str]:
     """Name the files in a folder whose sum is another one, and describe each."""
     problems = {}
     for name, expected in sums.items():
@@ -219,19 +219,19 @@ def _collect(place: str, mirrors: Mirrors, copy: Path) -> None:
             if not response.url.startswith(_SCHEMES):
                 raise ValueError(f"it redirects to {response.url}, which is not https")
             size = int(response.headers["Content-Length"] or 0)
-            unpack_members(response, size, _wanted(mirrors, copy), copy)
+            unpack_members(response, size, _still_missing(mirrors, copy), copy)
         return
     folder = Path(place)
     archives = [path for ending in _ARCHIVES for path in folder.glob(ending)] if folder.is_dir() else [folder]
-    for name in _wanted(mirrors, copy):
+    for name in _still_missing(mirrors, copy):
         if (folder / name).is_file():
             (copy / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(folder / name, copy / name)
     for path in sorted(archives):
         with path.open("rb") as archive:
-            unpack_members(archive, path.stat().st_size, _wanted(mirrors, copy), copy)
+            unpack_members(archive, path.stat().st_size, _still_missing(mirrors, copy), copy)
 
 
-def _wanted(mirrors: Mirrors, copy: Path) -> dict[str, str]:
+def _still_missing(mirrors: Mirrors, copy: Path) -> dict[str, str]:
     """The files that are not yet in a folder, and where each is in archives."""
     return {name: mirrors.inside.get(name, name) for name in mirrors.sums if not (copy / name).exists()}

@@ -32,7 +32,7 @@ PAIRS = {
     "last_velocity": ("last_vx_mps", "last_vy_mps"),
     "last_acceleration": ("last_ax_mps2", "last_ay_mps2"),
 }
-"""Fields of x and y, [M, 2], of feature tables and windows, and their columns."""
+"""Fields of x and y, [M, 2], and their columns."""
 
 
 def split_pairs(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -1,9 +1,9 @@
 """Causal tracking: from detected positions to pose and velocity of every pedestrian."""
 
-from pedpred.tracking.kalman import Belief, KalmanSettings, born, corrected, predicted
+from pedpred.tracking.kalman import Belief, KalmanSettings, correct, initial_belief, predict
 from pedpred.tracking.noise import KalmanBank
 from pedpred.tracking.resampling import resampled
-from pedpred.tracking.tracks import Tracks, follow, settled
+from pedpred.tracking.tracks import Tracks, follow, steady_state
 from pedpred.tracking.tuning import log_likelihood, tune_kalman
 
 __all__ = [
@@ -11,12 +11,12 @@ __all__ = [
     "KalmanBank",
     "KalmanSettings",
     "Tracks",
-    "born",
-    "corrected",
+    "correct",
     "follow",
+    "initial_belief",
     "log_likelihood",
-    "predicted",
+    "predict",
     "resampled",
-    "settled",
+    "steady_state",
     "tune_kalman",
 ]

@@ -46,7 +46,7 @@ class Belief:
     covariance: np.ndarray
 
 
-def born(position: np.ndarray, position_noise_m: float, initial_speed_mps: float) -> Belief:
+def initial_belief(position: np.ndarray, position_noise_m: float, initial_speed_mps: float) -> Belief:
     """Belief after the first detection: zero mean velocity with the prior standard deviation.
 
     Args:
@@ -58,7 +58,7 @@ def born(position: np.ndarray, position_noise_m: float, initial_speed_mps: float
     return Belief(position, np.zeros_like(position), covariance)
 
 
-def predicted(belief: Belief, dt_s: np.ndarray, acceleration_noise: float | np.ndarray) -> Belief:
+def predict(belief: Belief, dt_s: np.ndarray, acceleration_noise: float | np.ndarray) -> Belief:
     """Belief `dt_s` [N] later without further detections.
 
     Args:
@@ -76,7 +76,7 @@ def predicted(belief: Belief, dt_s: np.ndarray, acceleration_noise: float | np.n
     return Belief(ahead, belief.velocity, covariance)
 
 
-def corrected(
+def correct(
     ahead: Belief, dt_s: np.ndarray, detection: np.ndarray, position_noise_m: float | np.ndarray
 ) -> Belief:
     """Belief after the next detections.
@@ -86,7 +86,7 @@ def corrected(
     r^2 SPACING_S / dt.
 
     Args:
-        ahead: `predicted` at the detections.
+        ahead: from `predict`, at the detections.
         dt_s: time since the detections before, s. [N]
         detection: world frame, m. [N, 2]
         position_noise_m: standard deviation r of a detection, m; of all or of each [N].

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from pedpred.errors import ValueRuleError
-from pedpred.tracking.kalman import Belief, KalmanSettings, born, corrected, predicted
+from pedpred.tracking.kalman import Belief, KalmanSettings, correct, initial_belief, predict
 from pedpred.tracking.spacing import SPACING_S
 
 LEVELS = ((0.03, 0.10), (0.0152, 0.0335), (0.05, 0.02), (0.1, 0.006))
@@ -80,9 +80,12 @@ class KalmanBank:
         weights[:, 0] = 0.0
         return weights
 
-    def born(self, detection: np.ndarray) -> Belief:
+    def initial_beliefs(self, detection: np.ndarray) -> Belief:
         """Beliefs after first detections (m, [N, 2]), person by person, of each filter. N x H."""
-        first = [vars(born(detection, one.position_noise_m, one.initial_speed_mps)) for one in self.filters]
+        first = [
+            vars(initial_belief(detection, one.position_noise_m, one.initial_speed_mps))
+            for one in self.filters
+        ]
         sizes = {name: values.shape[1] for name, values in first[0].items()}
         return Belief(
             *(
@@ -114,9 +117,9 @@ class KalmanBank:
             np.repeat(values[None], people, axis=0).ravel()  # a fifth of the time of `np.tile`
             for values in (self.acceleration_noise, self.position_noise_m)
         )
-        ahead = predicted(before, since_s, density)
+        ahead = predict(before, since_s, density)
         where = np.repeat(detection, filters, axis=0)
-        after = corrected(ahead, since_s, where, noise_m)
+        after = correct(ahead, since_s, where, noise_m)
         if filters > 1:
             weights = weights + evidence(self, ahead, dt_s, detection, standstill_mps)
             weights = np.maximum(weights - weights.max(axis=1, keepdims=True), _LEAST)
@@ -150,7 +153,7 @@ def evidence(
 
     Args:
         bank: the filters.
-        ahead: beliefs `predicted` at the detections, person by person, of each filter. N x H
+        ahead: beliefs of `predict` at the detections, person by person, of each filter. N x H
         dt_s: time since the detection before, s. [N]
         detection: m. [N, 2]
         standstill_mps: below this speed of the first filter somebody stands.

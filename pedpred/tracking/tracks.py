@@ -8,7 +8,7 @@ import numpy as np
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Trajectories
-from pedpred.tracking.kalman import Belief, KalmanSettings, born, corrected, predicted
+from pedpred.tracking.kalman import Belief, KalmanSettings, correct, initial_belief, predict
 from pedpred.tracking.noise import KalmanBank, weighted
 from pedpred.tracking.spacing import TIME_TOLERANCE_S, spaced
 
@@ -79,7 +79,7 @@ class Tracks:
             acceleration_noise: spectral density q of the filter, m^2/s^3.
         """
         belief = Belief(self.position[row], self.velocity[row], self.covariance[row])
-        return predicted(belief, time_s - self.time_s[row], acceleration_noise)
+        return predict(belief, time_s - self.time_s[row], acceleration_noise)
 
 
 def last_rows(
@@ -93,8 +93,9 @@ def last_rows(
         asked_id: queried track. [Q]
         asked_s: queried time, s. [Q]
     """
-    span = float(np.ptp(time_s)) + 1.0 if len(time_s) else 1.0
-    start = time_s.min(initial=np.inf)
+    if not len(track_id):
+        return np.full(len(asked_id), -1)
+    span, start = float(np.ptp(time_s)) + 1.0, time_s.min()
     names, index = np.unique(track_id, return_inverse=True)
     keys = index * 2 * span + (time_s - start)
     asked = np.searchsorted(names, asked_id)
@@ -185,11 +186,11 @@ def _filtered_by(
     if len(bank.filters) == 1:
         return _filtered(time_s, detection, age, bank.filters[0])
     state = Belief(np.empty_like(detection), np.empty_like(detection), np.empty((len(detection), 3)))
-    beliefs, weights, rows = bank.born(detection[:0]), bank.unlearned(0), np.zeros(0, int)
+    beliefs, weights, rows = bank.initial_beliefs(detection[:0]), bank.unlearned(0), np.zeros(0, int)
     for k in range(int(age.max(initial=-1)) + 1):
         before, rows = rows, np.flatnonzero(age == k)
         if k == 0:
-            beliefs, weights = bank.born(detection[rows]), bank.unlearned(len(rows))
+            beliefs, weights = bank.initial_beliefs(detection[rows]), bank.unlearned(len(rows))
         else:
             goes_on = np.isin(before, rows - 1, assume_unique=True)
             beliefs = Belief(
@@ -208,18 +209,18 @@ def _filtered(time_s: np.ndarray, detection: np.ndarray, age: np.ndarray, settin
     for k in range(int(age.max(initial=-1)) + 1):
         rows = np.flatnonzero(age == k)
         if k == 0:
-            belief = born(detection[rows], settings.position_noise_m, settings.initial_speed_mps)
+            belief = initial_belief(detection[rows], settings.position_noise_m, settings.initial_speed_mps)
         else:
             before = Belief(*(values[rows - 1] for values in vars(state).values()))
             dt_s = time_s[rows] - time_s[rows - 1]
-            ahead = predicted(before, dt_s, settings.acceleration_noise)
-            belief = corrected(ahead, dt_s, detection[rows], settings.position_noise_m)
+            ahead = predict(before, dt_s, settings.acceleration_noise)
+            belief = correct(ahead, dt_s, detection[rows], settings.position_noise_m)
         for name, values in vars(state).items():
             values[rows] = getattr(belief, name)
     return state
 
 
-def settled(interval_s: float, settings: KalmanSettings) -> Belief:
+def steady_state(interval_s: float, settings: KalmanSettings) -> Belief:
     """Steady-state belief of the filter under regular detections. N = 1.
 
     Args:
@@ -227,10 +228,10 @@ def settled(interval_s: float, settings: KalmanSettings) -> Belief:
         settings: noise parameters.
     """
     here, dt_s = np.zeros((1, 2)), np.array([interval_s])
-    belief = born(here, settings.position_noise_m, settings.initial_speed_mps)
+    belief = initial_belief(here, settings.position_noise_m, settings.initial_speed_mps)
     for _ in range(_CONVERGED):
-        ahead = predicted(belief, dt_s, settings.acceleration_noise)
-        belief = corrected(ahead, dt_s, here, settings.position_noise_m)
+        ahead = predict(belief, dt_s, settings.acceleration_noise)
+        belief = correct(ahead, dt_s, here, settings.position_noise_m)
     return belief
 
 

@@ -125,12 +125,12 @@ class DistributedContext:
             gradient.copy_(part.view_as(gradient))
         return joint[-2]
 
-    def gathered(self, state: Tensors) -> Tensors:
+    def gather_state(self, state: Tensors) -> Tensors:
         """The recurrent state of all lanes, from every process's share. [N, ...] each."""
         return state if self.size == 1 else {name: self._all(value) for name, value in state.items()}
 
-    def mine(self, state: Tensors) -> Tensors:
-        """This process's share of the state of all lanes: the inverse of `gathered`."""
+    def own_state(self, state: Tensors) -> Tensors:
+        """This process's share of the state of all lanes: the inverse of `gather_state`."""
         return {name: value[self.share(len(value))] for name, value in state.items()}
 
     def _all(self, part: Tensor) -> Tensor:

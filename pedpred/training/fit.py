@@ -14,22 +14,20 @@ import pandas as pd
 import torch
 from torch.optim.swa_utils import AveragedModel
 
-from pedpred.datasets.rows import EMBEDDED, TrainingRows, load_instants, load_sequences
+from pedpred.datasets.rows import TrainingRows, load_rows
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.files import atomic_write, translate_errors
 from pedpred.models.contract import ForecastNetwork, NetworkSettings
-from pedpred.models.lstm.encoding import encode, load_encoder
+from pedpred.models.lstm.encoding import EMBEDDED, encode, load_encoder
 from pedpred.models.registry import describe_network, is_network
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.training.distributed import DistributedContext
-from pedpred.training.instants import InstantSettings
 from pedpred.training.learner import FitSettings
 from pedpred.training.loop import scratch_folder, train
 
 
-def load_rows(
+def load_training_rows(
     architecture: NetworkSettings,
-    settings: FitSettings,
     folders: Mapping[str, Path],
     embeddings: Mapping[str, Path],
     autoencoder: Path,
@@ -38,16 +36,13 @@ def load_rows(
 
     Args:
         architecture: of the network.
-        settings: whether it reads sequences or instants.
         folders: set -> its rows.
         embeddings: set -> the frozen encoder's outputs there; read only if the network reads the grid.
         autoencoder: checkpoint of that encoder; likewise.
     """
-    if isinstance(settings, InstantSettings):
-        return load_instants(folders)
     if EMBEDDED not in architecture.channels_read:
-        return load_sequences(folders)
-    rows, encoder = load_sequences(folders, embeddings), load_encoder(autoencoder)
+        return load_rows(folders)
+    rows, encoder = load_rows(folders, embeddings), load_encoder(autoencoder)
     free = np.zeros((1, encoder.sides[0] ** 2 // 8), np.uint8)  # unmapped ground is free
     return replace(rows, empty={EMBEDDED: torch.from_numpy(encode(encoder, free)[0])})
 
@@ -95,7 +90,7 @@ def fit(
     Args:
         architecture: settings of the network.
         previous: see `initialise`.
-        rows: see `load_rows`.
+        rows: see `load_training_rows`.
         settings: of the training.
         title: of the progress bar.
         context: where to train.
@@ -115,7 +110,7 @@ def fit(
     resident, networks, curves = rows.to(context.device), [], []
     for seed in range(settings.seed, settings.seed + runs):
         network = initialise(architecture, rows, previous, seed)
-        about = describe_network(network, rows.made_with) | about
+        about = describe_network(network, rows.row_format) | about
         with scratch_folder(about | {"seed": seed}, network.state_dict(), context) as scratch:
             learner = replace(settings, seed=seed).learner(network.to(context.device), resident, context)
             named = title + (f", seed {seed}" if runs > 1 else "")

@@ -10,7 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pedpred.datasets.rows import TrainingRows, select_held_out
+from pedpred.datasets.rows import TrainingRows
+from pedpred.datasets.splits import select_held_out
 from pedpred.errors import ValueRuleError
 from pedpred.models.contract import ForecastNetwork, Tensors
 from pedpred.settings import In
@@ -96,7 +97,7 @@ class InstantSampler:
         """See `Sampler.examples`; parts of the inputs are masked."""
         rng = np.random.default_rng([self.settings.seed, step, self.context.rank])
         rows = torch.from_numpy(batch).to(self.data.future.device)
-        empty = self.data.made_with.features.empty_channels()
+        empty = self.data.row_format.features.empty_channels()
         inputs = mask(self.data.inputs(rows), self.settings.masking, empty, rng)
         starts = torch.ones_like(rows, dtype=torch.bool)
         return Examples(inputs, self.data.future[rows], self.data.known(rows), starts)

@@ -205,7 +205,7 @@ def save_progress(folder: Path | None, progress: Progress, learner: Learner) -> 
     """Write everything into `folder`, replacing the old state at once. All processes must call it."""
     if folder is None:
         return
-    memory = learner.context.gathered(learner.memory)
+    memory = learner.context.gather_state(learner.memory)
     if not learner.context.writes:
         return
     tensors = {f"network.{k}": v for k, v in learner.network.state_dict().items()}
@@ -232,7 +232,7 @@ def load_progress(folder: Path | None, learner: Learner) -> Progress | None:
         index, _, name = key.partition(".")
         moments.setdefault(int(index), {})[name] = value
     learner.optimizer.load_state_dict({**learner.optimizer.state_dict(), "state": moments})
-    learner.memory = learner.context.mine(_under(tensors, "memory."))
+    learner.memory = learner.context.own_state(_under(tensors, "memory."))
     return Progress(about["step"], _under(tensors, "best."), about["curve"])
 
 

@@ -11,8 +11,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from pedpred.datasets.lanes import SplitSettings, split_sequences, stream_lanes
+from pedpred.datasets.lanes import stream_lanes
 from pedpred.datasets.rows import TrainingRows
+from pedpred.datasets.splits import SplitSettings, split_sequences
 from pedpred.models.contract import ForecastNetwork, Tensors, select
 from pedpred.settings import In
 from pedpred.training.augmentation import Augmentation, AugmentedBatch, augment, look_up

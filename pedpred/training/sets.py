@@ -39,7 +39,7 @@ class RealShare(Settings):
     real_share: Annotated[float, In("[0, 1]")] = 0.0
     size_exponent: Annotated[float, In("[0, 1]")] = 0.0
 
-    def mixed(self, simulated: Mapping[str, float], real: Mapping[str, int]) -> dict[str, float]:
+    def mix(self, simulated: Mapping[str, float], real: Mapping[str, int]) -> dict[str, float]:
         """Shares of simulated and real sets, which sum to 1.
 
         Args:

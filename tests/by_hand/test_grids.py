@@ -213,6 +213,7 @@ def test_sizes_are_the_papers_by_default():
     assert paper.shapes() == {"state": (2,), "crop": (60, 60), "angular": (72,)}
     columns = {name: np.zeros((2, *column.shape), column.dtype) for name, column in paper.columns().items()}
     assert {name: (rows.dtype.name, rows.shape) for name, rows in columns.items()} == {
+        "state": ("float32", (2, 2)),
         "occupancy": ("uint8", (2, 450)),
         "angular_grid": ("float32", (2, 72)),
     }

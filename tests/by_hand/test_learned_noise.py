@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pedpred.tracking import Belief, KalmanBank, KalmanSettings, corrected, follow, predicted
+from pedpred.tracking import Belief, KalmanBank, KalmanSettings, correct, follow, predict
 from pedpred.tracking.noise import evidence, weighted
 from tests.by_hand.walks import SHORT, SHORT_S, TIME_S, WAY, extrapolated, textbook, two_walks
 
@@ -21,12 +21,12 @@ def test_the_filters_beside_a_models_own_one():
     assert {one.initial_speed_mps for one in bank.filters} == {1.3}
     np.testing.assert_array_equal(bank.unlearned(2), [[0.0, -2.0, -2.0, -2.0, -2.0]] * 2)
     assert KalmanBank.around(KalmanSettings(0.7, 0.4), False).filters == (KalmanSettings(0.7, 0.4),)
-    first = BANK.born(PLACE[:2])
+    first = BANK.initial_beliefs(PLACE[:2])
     np.testing.assert_array_equal(first.position, PLACE[[0, 0, 0, 1, 1, 1]])
     variances = [[0.01, 0.0, 1.44], [0.09, 0.0, 0.64], [0.000144, 0.0, 4.0]]
     np.testing.assert_allclose(first.covariance, variances * 2)
     assert not first.velocity.any()
-    one = KalmanBank(BANK.filters[1:2]).born(PLACE)
+    one = KalmanBank(BANK.filters[1:2]).initial_beliefs(PLACE)
     np.testing.assert_array_equal(one.position, PLACE)
     np.testing.assert_allclose(one.covariance, variances[1:2] * 3)
 
@@ -67,7 +67,7 @@ def test_very_hasty_filters_are_judged_by_the_spacing():
 
 def test_log_weights_add_up_and_end_10_below_the_largest():
     """People at 1 m/s: evidence added to the weights, less its maximum, at least -10."""
-    before = BANK.born(PLACE)
+    before = BANK.initial_beliefs(PLACE)
     before = Belief(before.position, np.full((9, 2), 1.0), before.covariance)
     weights, dt_s = (
         np.array([[0.0, -2.0, -3.0], [-1.0, 0.0, -9.9], [-4.0, -9.0, 0.0]]),
@@ -85,8 +85,8 @@ def test_log_weights_add_up_and_end_10_below_the_largest():
     expected = np.maximum(expected - expected.max(axis=1)[:, None], -10.0)
     np.testing.assert_allclose(found, expected)
     assert (expected == -10.0).sum() == 1
-    ahead = predicted(before, np.repeat(dt_s, 3), np.tile(q, 3))
-    by_one = corrected(ahead, np.repeat(dt_s, 3), np.repeat(seen, 3, axis=0), np.tile(r, 3))
+    ahead = predict(before, np.repeat(dt_s, 3), np.tile(q, 3))
+    by_one = correct(ahead, np.repeat(dt_s, 3), np.repeat(seen, 3, axis=0), np.tile(r, 3))
     np.testing.assert_allclose(after.position, by_one.position)
     np.testing.assert_allclose(after.covariance, by_one.covariance)
 

@@ -67,7 +67,7 @@ class Leaky(ForecastNetwork):
         far = torch.linalg.vector_norm(outputs["velocities"] - future, dim=-1) * dt_s
         return {"far_m": far, "square": far**2}
 
-    def answer(self, outputs, dt_s):
+    def decode(self, outputs, dt_s):
         return outputs
 
     def clipped_groups(self):
@@ -316,7 +316,7 @@ def test_rows_of_a_step_are_drawn_by_shares():
 
 
 def test_shares_of_simulated_and_real_sets():
-    shares = RealShare(real_share=0.4).mixed({"s": 3.0, "t": 1.0}, {"x": 1, "y": 20, "z": 300})
+    shares = RealShare(real_share=0.4).mix({"s": 3.0, "t": 1.0}, {"x": 1, "y": 20, "z": 300})
     assert shares == pytest.approx({"s": 0.45, "t": 0.15, **dict.fromkeys("xyz", 0.4 / 3)})
-    assert RealShare(real_share=0.4).mixed({"s": 3.0, "t": 2.0}, {}) == pytest.approx({"s": 0.6, "t": 0.4})
-    assert RealShare(real_share=1.0).mixed({"s": 3.0}, {"x": 5}) == {"s": 0.0, "x": 1.0}
+    assert RealShare(real_share=0.4).mix({"s": 3.0, "t": 2.0}, {}) == pytest.approx({"s": 0.6, "t": 0.4})
+    assert RealShare(real_share=1.0).mix({"s": 3.0}, {"x": 5}) == {"s": 0.0, "x": 1.0}

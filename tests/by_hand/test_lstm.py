@@ -211,12 +211,12 @@ def test_scores_are_displacement_and_likelihood_of_each_step(dt_s):
 def test_answer_is_velocities_and_one_covariance_per_step():
     """[[a^2, k a^2], [k a^2, k^2 a^2 + c^2]], with an axis of one mode in front of the steps."""
     outputs, _, _ = outputs_and_truth()
-    found = built().answer(outputs, 0.3)
+    found = built().decode(outputs, 0.3)
     assert found["velocities"] is outputs["velocities"]
     assert found["covariance"].shape == (3, 1, 3, 2, 2)
     expected = [[0.49, -0.294], [-0.294, 0.3364]]
     np.testing.assert_allclose(found["covariance"][1, 0, 2].detach(), expected)
-    assert built().answer({"velocities": outputs["velocities"]}, 0.3).keys() == {"velocities"}
+    assert built().decode({"velocities": outputs["velocities"]}, 0.3).keys() == {"velocities"}
 
 
 def test_mean_and_spread_are_clipped_apart():

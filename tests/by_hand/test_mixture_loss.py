@@ -180,7 +180,7 @@ def test_best_mode_has_the_smallest_mean_distance():
 def test_answer_is_paths_weights_and_covariances(dt_s):
     """Positions sum up dt v; Sigma = [[a^2, k a^2], [k a^2, k^2 a^2 + c^2]]."""
     outputs, _ = case()
-    found = network_of().answer(tensors(outputs), dt_s)
+    found = network_of().decode(tensors(outputs), dt_s)
     a, c = 0.01 + np.log1p(np.exp(np.moveaxis(outputs["spread"][..., :2], -1, 0)))
     k = outputs["spread"][..., 2]
     covariance = np.stack([a**2, k * a**2, k * a**2, (k * a) ** 2 + c**2], axis=-1).reshape(5, 3, 3, 2, 2)

@@ -30,8 +30,6 @@ RATES = (0.25, 0.5, 0.5, 0.4527317, 0.3289817, 0.1760183, 0.0522683)
 GRADIENTS = ((1.0, 0.0), (0.0, 1.0), (2.0, -1.0), (0.5, 0.5), (1.0, 3.0), (-1.0, 2.0), (4.0, 1.0))
 LOSSES = (1.0, 2.0, 9.0, 8.0, 3.0, 1.0, 6.0)
 START = (2.0, -3.0)
-FIT = {"steps": 9, "validate_every": 1, "lr": 10.0, "warmup_steps": 0, "seed": 0}
-FIT |= {"clip_norm": 1e6, "weight_decay": 1.0, "runs": 1000}
 
 
 class Slopes(Learner):

@@ -3,6 +3,8 @@
 import math
 
 import pytest
+from pedpred.sequences import SequenceSets
+from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 
 from pedpred.datasets.crops import CropSplit
 from pedpred.datasets.lanes import SplitSettings
@@ -14,9 +16,7 @@ from pedpred.features.perception import Following
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.mixture.network import MixtureSettings
-from pedpred.sequences import SequenceSets
 from pedpred.settings import load
-from pedpred.situations import RowSettings, SimulatedSet, ViewingSettings
 from pedpred.training import AutoencoderSettings
 from pedpred.training.augmentation import Augmentation
 from pedpred.training.distributed import ThreadSettings
@@ -53,14 +53,14 @@ RANGES = [
     (CropSplit, {"validation_crops": 1}, "validation_share", (0.0,), (-0.1, 1.0)),
     (EvaluationSettings, {}, "bootstrap", (1,), (0,)),
     (EvaluationSettings, {}, "miss_m", (), (0.0,)),
-    (InstantSettings, INSTANTS, "steps", (MANY,), (0, MANY + 1)),
-    (InstantSettings, INSTANTS, "validate_every", (MANY,), (0, MANY + 1)),
-    (InstantSettings, INSTANTS, "warmup_steps", (MANY,), (-1, MANY + 1)),
-    (InstantSettings, INSTANTS, "seed", (), (-1,)),
-    (InstantSettings, INSTANTS, "lr", (), (0.0, 10.1)),
-    (InstantSettings, INSTANTS, "clip_norm", (), (0.0, 1.1e6)),
-    (InstantSettings, INSTANTS, "weight_decay", (), (-0.1, 1.1)),
-    (InstantSettings, INSTANTS, "runs", (), (0, 1001)),
+    (SequenceSettings, SEQUENCES, "steps", (MANY,), (0, MANY + 1)),
+    (SequenceSettings, SEQUENCES, "validate_every", (MANY,), (0, MANY + 1)),
+    (SequenceSettings, SEQUENCES, "warmup_steps", (MANY,), (-1, MANY + 1)),
+    (SequenceSettings, SEQUENCES, "seed", (), (-1,)),
+    (SequenceSettings, SEQUENCES, "lr", (), (0.0, 10.1)),
+    (SequenceSettings, SEQUENCES, "clip_norm", (), (0.0, 1.1e6)),
+    (SequenceSettings, SEQUENCES, "weight_decay", (), (-0.1, 1.1)),
+    (SequenceSettings, SEQUENCES, "runs", (), (0, 1001)),
     (Following, {"learn_noise": True}, "standstill_mps", (0.0, 100.0), (-0.1, 100.5)),
     *(
         (ForecastProtocol, {}, name, (10_000.0,), (0.0, -0.3, 10_000.5))
@@ -109,8 +109,6 @@ RANGES = [
         (SequenceSets, {"scenes": ()}, "worlds", (), ({"room": count},))
         for count in (0, 1_000_001, True, 2.0)
     ),
-    (SequenceSettings, SEQUENCES, "steps", (), (0,)),
-    (SequenceSettings, SEQUENCES, "clip_norm", (), (0.0,)),
     (SequenceSettings, SEQUENCES, "validation_share", (0.0,), (-0.1, 1.0)),
     (SequenceSettings, SEQUENCES, "lanes", (1,), (0, 100_001)),
     (SequenceSettings, SEQUENCES, "sub_sequence", (1,), (0, 10_001)),

@@ -155,6 +155,17 @@ def test_what_is_taught_after_a_gap_is_taken_back():
     assert (before.regions.learned[0, STAND, :2] < -0.01).all()
 
 
+def test_later_steps_do_not_count_once_a_person_was_lost():
+    """Not detected from 0.9 to 2.0 s: of the forecast from 0.9 s, the third step, 2.1 s, is known again."""
+    times_s = np.array([0.0, 0.3, 0.6, 0.9, 1.3, 1.6, 2.0, 2.3])
+    seen = np.array([1, 1, 1, 1, 0, 0, 1, 1], bool)[:, None]
+    instants = list(stepped(Regions.initial(STEPS), np.full((8, 1, STEPS), 0.5), times_s, seen))
+    for place, _ in instants:
+        np.testing.assert_array_equal(place.regions.learned, 0.0)
+    waiting = [[len(one.forecast) for one in place.regions.pending] for place, _ in instants]
+    assert waiting == [[]] * 3 + [[1, 1, 1], [1, 1, 1], [0, 0], [0, 1, 1, 1], [1] * 6]
+
+
 def test_each_forecast_has_a_number_of_its_own():
     """Of one person, then of two."""
     seen = np.ones((12, 2), bool)

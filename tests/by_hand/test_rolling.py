@@ -196,7 +196,7 @@ class Glance(ToyNetwork):
         read = self.read(torch.cat([inputs[name] for name in self.widths], -1))
         return {"velocities": self.out(torch.tanh(read)).unflatten(-1, (-1, 2))}, state
 
-    def answer(self, outputs, dt_s):
+    def decode(self, outputs, dt_s):
         path = torch.cumsum(outputs["velocities"] * dt_s, dim=-2)
         weight = torch.tensor([0.4, 0.6]).expand(len(path), 2)
         covariance = 0.04 * torch.eye(2).expand(len(path), 2, path.shape[1], 2, 2)

@@ -8,22 +8,17 @@ import numpy as np
 import pytest
 
 from pedpred.features import ForecastProtocol
+from pedpred.rows.recorded import ViewingSettings, rows_of_viewing
+from pedpred.rows.sampling import RowSampling, RowSettings, _chances, draw_tracker, sample_rows
+from pedpred.rows.simulated import (
+    SimulatedSet,
+    resample_hermite,
+    rows_of_scene,
+    select_true_states,
+    sense_scene,
+)
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation.worlds.views import Area
-from pedpred.situations import (
-    Recipe,
-    RowSettings,
-    SimulatedSet,
-    ViewingSettings,
-    _chances,
-    collect_scene_rows,
-    collect_viewing_rows,
-    draw_tracker,
-    refine,
-    select_true_states,
-    training_rows,
-    watch_scene,
-)
 from pedpred.tracking import KalmanSettings
 from tests.refused import refused
 from tests.simulated import SENSING
@@ -59,8 +54,8 @@ class Plain:
         return {"beams": position}
 
 
-def recipe_of(rows=ROWS, protocol=PROTOCOL):
-    return Recipe(rows, SimpleNamespace(protocol=protocol, features=Plain()), 0.2)
+def sampling_of(rows=ROWS, protocol=PROTOCOL):
+    return RowSampling(rows, SimpleNamespace(protocol=protocol, features=Plain()), 0.2)
 
 
 def scene_of(trajectories, dt_s=0.4, name="here"):
@@ -96,9 +91,9 @@ def detections():
 
 
 def found_rows(protocol=PROTOCOL, most=100, seed=0):
-    recipe, (truth, *_) = recipe_of(protocol=protocol), true_paths()
-    rows = training_rows(scene_of(detections()), truth, None, most, recipe, np.random.default_rng(seed))
-    return rows, recipe.made_with.features
+    sampling, (truth, *_) = sampling_of(protocol=protocol), true_paths()
+    rows = sample_rows(scene_of(detections()), truth, None, most, sampling, np.random.default_rng(seed))
+    return rows, sampling.row_format.features
 
 
 def test_rows_are_detections_whose_whole_future_is_known():
@@ -112,7 +107,7 @@ def test_rows_are_detections_whose_whole_future_is_known():
     brief, _ = found_rows(replace(PROTOCOL, truth_gap_s=0.7, lost_after_s=0.5))
     assert brief["who"].tolist() == [5, 5, 5, 8]
     nobody = walkers(0, 0)
-    nobody = training_rows(scene_of(nobody), nobody, None, 9, recipe_of(), np.random.default_rng(0))
+    nobody = sample_rows(scene_of(nobody), nobody, None, 9, sampling_of(), np.random.default_rng(0))
     assert nobody["future"].shape == (0, 2, 2)
 
 
@@ -158,8 +153,8 @@ def test_newborn_have_at_least_their_share():
 def test_newborn_are_the_first_detections(newborn):
     truth = walkers(20, 30)
     rows = replace(ROWS, newborn_share=0.6, newborn=newborn)
-    recipe = recipe_of(rows, replace(PROTOCOL, dt_s=0.1, horizon_steps=1))
-    found = training_rows(scene_of(truth, 0.1), truth, None, 30, recipe, np.random.default_rng(0))
+    sampling = sampling_of(rows, replace(PROTOCOL, dt_s=0.1, horizon_steps=1))
+    found = sample_rows(scene_of(truth, 0.1), truth, None, 30, sampling, np.random.default_rng(0))
     ages = np.bincount(found["age"], minlength=29)
     assert ages[:newborn].sum() > 10
     assert ages[newborn:].sum() > 3
@@ -168,8 +163,8 @@ def test_newborn_are_the_first_detections(newborn):
 
 def test_maps_are_shifted_along_each_axis_in_some_rows():
     truth = walkers(40, 60)
-    recipe = recipe_of(replace(ROWS, shifted_share=0.3, shift_m=0.25))
-    found = training_rows(scene_of(truth, 0.1), truth, None, 9999, recipe, np.random.default_rng(0))
+    sampling = sampling_of(replace(ROWS, shifted_share=0.3, shift_m=0.25))
+    found = sample_rows(scene_of(truth, 0.1), truth, None, 9999, sampling, np.random.default_rng(0))
     shift = found["beams"] - found["position"]
     moved = (shift != 0).any(axis=1)
     assert len(moved) == 40 * 52
@@ -217,7 +212,7 @@ def test_states_between_recorded_ones_are_cubic():
     time_s, who = np.array([0.6, 0.9, 0.6, 0.9, 1.2, 0.3]), np.array([4, 4, 1, 1, 1, 7])
     position = np.array([p0, p1, p1, p0, p1, p0])
     known = Trajectories(time_s, who, position, np.array([v0, v1, v1, v0, v1, v0]))
-    fine = refine(scene_of(known, 0.3), 0.1)
+    fine = resample_hermite(scene_of(known, 0.3), 0.1)
     states = fine.trajectories
     assert fine.detection_dt_s == 0.1
     assert set(states.track_id) == {1, 4}  # nobody is between the states of somebody seen once
@@ -231,18 +226,18 @@ def test_states_between_recorded_ones_are_cubic():
     other = states.select(states.track_id == 1)
     assert len(other) == 7
     np.testing.assert_allclose(other.position[::3], [p1, p0, p1], atol=1e-12)
-    coarse = refine(fine, 0.3).trajectories
+    coarse = resample_hermite(fine, 0.3).trajectories
     np.testing.assert_allclose(coarse.select(coarse.track_id == 1).position, [p1, p0, p1], atol=1e-12)
     same = scene_of(known, 0.1)
-    assert refine(same, 0.1 + 1e-10) is same
+    assert resample_hermite(same, 0.1 + 1e-10) is same
 
 
 def viewing(number=0, rate_hz=2.5, scene=None, variation=ROWS, **changes):
     how = {"viewings": 3, "rows": 400, "used_share": 1.0, "thinnings": (1.0,), "thinned_noise_m": (0.0,)}
     settings = ViewingSettings(**how | {"noise_m": (0.0,)} | changes)
-    recipe = recipe_of(variation, replace(PROTOCOL, dt_s=0.1, horizon_steps=1))
-    found = collect_viewing_rows(number, scene or scene_of(walkers(4), 0.1), rate_hz, settings, recipe)
-    return found, recipe.made_with.features
+    sampling = sampling_of(variation, replace(PROTOCOL, dt_s=0.1, horizon_steps=1))
+    found = rows_of_viewing(number, scene or scene_of(walkers(4), 0.1), rate_hz, settings, sampling)
+    return found, sampling.row_format.features
 
 
 @pytest.mark.parametrize(
@@ -293,7 +288,7 @@ def test_what_a_scene_is_watched_with_depends_on_its_name():
     scene = scene_of(walkers(5, 60), 0.1, "one")
 
     def watched(scene, seed):
-        found = watch_scene(scene, "corridor", SENSING, recipe_of(replace(ROWS, seed=seed, used_share=0.0)))
+        found = sense_scene(scene, "corridor", SENSING, sampling_of(replace(ROWS, seed=seed, used_share=0.0)))
         assert len(found.sensed.detections.trajectories) > 10
         drawn = found.sensed.detections.trajectories.position.tobytes(), found.kalman.filters
         return *drawn, tuple(found.view.low), found.rng.random()
@@ -309,7 +304,7 @@ def test_rows_of_true_states_follow_in_a_share_of_scenes(share, true):
     """True states are at multiples of 0.4 s and exact; a sensor looks by its own clock."""
     scene = scene_of(walkers(5, 60), 0.1)
     chosen = SimulatedSet("corridor", "", 1, 12, 7, share)
-    rows = collect_scene_rows(scene, chosen, SENSING, recipe_of())
+    rows = rows_of_scene(scene, chosen, SENSING, sampling_of())
     assert len(rows["who"]) == 12 + true
     exact = rows["position"][12:] - np.stack([rows["time_s"][12:], 3.0 * rows["who"][12:]], axis=1)
     np.testing.assert_allclose(exact, 0.0, atol=1e-9)

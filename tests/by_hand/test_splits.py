@@ -11,15 +11,9 @@ import torch
 from pedpred.datasets import crops as crops_module
 from pedpred.datasets import rows as rows_module
 from pedpred.datasets.crops import CropSplit, crops_of
-from pedpred.datasets.lanes import SplitSettings, cut, split_sequences, stream_lanes
-from pedpred.datasets.rows import (
-    Spans,
-    TrainingRows,
-    load_instants,
-    load_sequences,
-    select_held_out,
-    sequences_of,
-)
+from pedpred.datasets.lanes import cut, stream_lanes
+from pedpred.datasets.rows import Spans, TrainingRows, load_rows, sequences_of
+from pedpred.datasets.splits import SplitSettings, select_held_out, split_sequences
 from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol
 from pedpred.models.lstm.features import LstmFeatures
@@ -65,17 +59,11 @@ def test_worlds_are_kept_by_their_number():
     assert set(np.flatnonzero(held[1])) == set(np.random.default_rng(4).permutation(5)[:2])
 
 
-class Table(SimpleNamespace):
-    """As much of a feature table as is read."""
-
-    def __len__(self):
-        return len(self.step)
-
-
 def table(track, step, known=0):
-    fields = {"velocity": np.zeros((len(step), 2)), "future": np.zeros((len(step), 3, 2), np.float32)}
-    fields |= {"inputs": {}, "future_steps": np.full(len(step), known, np.int8)}
-    return Table(track_id=np.array(track, int), step=np.array(step), **fields)
+    """As much of the steps of tracks as is read."""
+    columns = {"state": np.zeros((len(step), 2)), "future": np.zeros((len(step), 3, 2), np.float32)}
+    columns |= {"track_id": np.array(track, int), "step": np.array(step)}
+    return columns | {"future_steps": np.full(len(step), known, np.int8)}
 
 
 FORMAT = SimpleNamespace(
@@ -85,7 +73,7 @@ FORMAT = SimpleNamespace(
 
 
 def test_sequences_start_at_step_zero_and_end_at_the_next(monkeypatch):
-    assert sequences_of(table([], [])).shape == (0, 2)
+    assert sequences_of(np.array([])).shape == (0, 2)
     blocks = {
         "a": [table([0, 0, 0, 0, 4], [0, 1, 2, 0, 0]), table([7, 7], [0, 1])],
         "b": [table([2, 2, 7], [0, 1, 0], 2)],
@@ -95,11 +83,13 @@ def test_sequences_start_at_step_zero_and_end_at_the_next(monkeypatch):
     }
     shards = {"x": {"a": "1", "b": "1", "c": "2"}, "y": {"none": "1"}, "w": {"nobody": "1"}}
     shards["z"] = {"c": "1", "b": "2"}
-    codes = {name: [np.full((len(one), 1), i) for one in blocks[name]] for i, name in enumerate(blocks)}
+    codes = {
+        name: [np.full((len(one["step"]), 1), i) for one in blocks[name]] for i, name in enumerate(blocks)
+    }
     monkeypatch.setattr(rows_module, "read_manifest", lambda folder: (FORMAT, shards[folder]))
-    monkeypatch.setattr(rows_module, "read_shard_blocks", lambda folder, shard, _: blocks[shard])
+    monkeypatch.setattr(rows_module, "read_shard", lambda folder, shard, _: blocks[shard])
     monkeypatch.setattr(rows_module, "read_embeddings", lambda folder, shard: codes[shard])
-    data = load_sequences(dict(zip("yxwz", "yxwz", strict=True)), dict.fromkeys("yxwz"))
+    data = load_rows(dict(zip("yxwz", "yxwz", strict=True)), dict.fromkeys("yxwz"))
     edges = [0, 3, 4, 5, 7, 9, 10, 11, 12, 14, 15]
     assert data.spans.rows.tolist() == [list(span) for span in pairwise(edges)]
     # 8 ids in x, none in y and w; b is a variant of a in x, so that its tracks are the same people
@@ -113,11 +103,13 @@ def test_sequences_start_at_step_zero_and_end_at_the_next(monkeypatch):
 
 def test_worlds_follow_each_other_whatever_their_set(monkeypatch):
     def read(folder, world, _):
-        return {"state": np.zeros((int(world), 2)), "future": np.zeros((int(world), 3, 2), np.float32)}
+        yield {"state": np.zeros((int(world), 2)), "future": np.zeros((int(world), 3, 2), np.float32)}
 
-    monkeypatch.setattr(rows_module, "read_situations_manifest", lambda folder: (FORMAT, folder.split()))
-    monkeypatch.setattr(rows_module, "read_situations", read)
-    data = load_instants({"a": "4 2", "b": "5"})
+    monkeypatch.setattr(
+        rows_module, "read_manifest", lambda folder: (FORMAT, {name: name for name in folder.split()})
+    )
+    monkeypatch.setattr(rows_module, "read_shard", read)
+    data = load_rows({"a": "4 2", "b": "5"})
     assert data.spans.rows.tolist() == [[0, 4], [4, 6], [6, 11]]
     assert data.spans.part.tolist() == [0, 0, 1]
     assert data.spans.scene.tolist() == [0, 1, 2]
@@ -125,11 +117,9 @@ def test_worlds_follow_each_other_whatever_their_set(monkeypatch):
     assert data.future_steps.tolist() == [3] * 11
     for other in (replace(FORMAT.protocol, dt_s=0.4), replace(FORMAT.protocol, horizon_steps=4)):
         formats = iter([FORMAT, SimpleNamespace(features=FORMAT.features, protocol=other)])
-        monkeypatch.setattr(
-            rows_module, "read_situations_manifest", lambda _, those=formats: (next(those), [])
-        )
+        monkeypatch.setattr(rows_module, "read_manifest", lambda _, those=formats: (next(those), {}))
         with pytest.raises(ValueRuleError, match=r"dt_s|horizon_steps"):
-            load_instants({"a": "", "b": ""})
+            load_rows({"a": "", "b": ""})
 
 
 @pytest.mark.parametrize(("share", "held"), [(0.0, 1), (0.25, 1), (0.45, 2), (0.7, 3)])

@@ -172,7 +172,7 @@ def test_a_graph_computes_the_step_for_any_number_of_people(tmp_path):
 class Crowded(ToyNetwork):
     """Everybody is slower the more people there are, which tracing takes for a fixed number."""
 
-    def answer(self, outputs, dt_s):
+    def decode(self, outputs, dt_s):
         return {"velocities": outputs["velocities"] / len(outputs["velocities"])}
 
 

@@ -12,13 +12,13 @@ from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import (
     Belief,
     KalmanSettings,
-    born,
-    corrected,
+    correct,
     follow,
+    initial_belief,
     log_likelihood,
-    predicted,
+    predict,
     resampled,
-    settled,
+    steady_state,
     tune_kalman,
 )
 from pedpred.tracking import tracks as lives
@@ -41,7 +41,7 @@ PACE = np.array([[0.6, 1.1], [-0.4, 0.2], [1.5, -0.9]])
 def test_a_prediction_adds_the_white_noise_of_its_time(q):
     """P_pp + 2 dt P_pv + dt^2 P_vv + q dt^3/3, P_pv + dt P_vv + q dt^2/2, P_vv + q dt; x + dt v."""
     dt_s = np.array([0.3, 0.4, 1.3])
-    after = predicted(Belief(PLACE, PACE, COVARIANCE), dt_s, q)
+    after = predict(Belief(PLACE, PACE, COVARIANCE), dt_s, q)
     first = [0.5 + 0.12 + 0.081 + 0.0027, 0.2 + 0.27 + 0.0135, 0.9 + 0.09]
     np.testing.assert_allclose(after.covariance[0], first)
     for n, density in enumerate(np.broadcast_to(q, 3)):
@@ -56,7 +56,7 @@ def test_a_prediction_adds_the_white_noise_of_its_time(q):
 def test_a_correction_weighs_detections_by_their_variance(r):
     """Gains P_pp / S and P_pv / S with S = P_pp + r^2 max(1, 0.05 s / dt): here r^2, 2.5 r^2 and r^2."""
     dt_s, seen = np.array([0.4, 0.02, 0.05]), np.add(PLACE, [[0.3, -0.1], [0.2, 0.5], [-0.6, 0.4]])
-    after = corrected(Belief(PLACE, PACE, COVARIANCE), dt_s, seen, r)
+    after = correct(Belief(PLACE, PACE, COVARIANCE), dt_s, seen, r)
     np.testing.assert_allclose(after.position[0], [1.0 + 0.3 * 0.5 / 0.54, -2.0 - 0.1 * 0.5 / 0.54])
     for n, variance in enumerate(np.broadcast_to(r, 3) ** 2 * [1.0, 2.5, 1.0]):
         p, pv, v = COVARIANCE[n]
@@ -68,7 +68,7 @@ def test_a_correction_weighs_detections_by_their_variance(r):
 
 
 def test_a_first_detection_has_its_own_variance_and_no_velocity():
-    belief = born(PLACE, 0.2, 1.5)
+    belief = initial_belief(PLACE, 0.2, 1.5)
     np.testing.assert_allclose(belief.covariance, [[0.04, 0.0, 2.25]] * 3)
     np.testing.assert_array_equal([belief.position, belief.velocity], [PLACE, np.zeros((3, 2))])
     assert KalmanSettings(0.3, 0.1).initial_speed_mps == 1.0
@@ -82,7 +82,7 @@ def test_a_settled_belief_solves_the_riccati_equation(dt_s):
     noise = q * np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
     p = solve_discrete_are(step.T, sight, noise, np.array([[r**2]]))
     p = p - np.outer(p[0], p[0]) / (p[0, 0] + r**2)
-    belief = settled(dt_s, KalmanSettings(q, r, 3.0))
+    belief = steady_state(dt_s, KalmanSettings(q, r, 3.0))
     np.testing.assert_allclose(belief.covariance, [[p[0, 0], p[0, 1], p[1, 1]]])
     np.testing.assert_array_equal([belief.position, belief.velocity], np.zeros((2, 1, 2)))
 
@@ -134,6 +134,7 @@ def test_the_last_row_is_found_within_a_microsecond():
     assert found.tolist() == [2, 2, 1, -1, -1, 3, 4, -1, 4, 5, -1, 0, -1, -1, -1]
     none = np.zeros(0)
     assert last_rows(none.astype(int), none, none.astype(int), none).tolist() == []
+    assert last_rows(none.astype(int), none, np.array([3, 4]), np.array([0.0, 1.0])).tolist() == [-1, -1]
 
 
 def test_the_heading_holds_below_the_speed_of_standstill():

@@ -21,7 +21,7 @@ from pedpred.training.distributed import (
     distributed_context,
     multiplies_bfloat16,
 )
-from pedpred.training.fit import average_weights, fit, initialise, load_rows, write_curve
+from pedpred.training.fit import average_weights, fit, initialise, load_training_rows, write_curve
 from pedpred.training.learner import FitSettings
 from pedpred.training.loop import Learner
 from tests.by_hand.rows import FIT, STEPS, data_of
@@ -148,10 +148,10 @@ def test_the_state_of_all_lanes_is_that_of_each_process_in_order(monkeypatch):
 
     monkeypatch.setattr(torch.distributed, "all_gather", gathering)
     second = DistributedContext(torch.device("cpu"), rank=1, size=3)
-    whole = second.gathered({"h": torch.tensor([[11.0], [12.0]])})
+    whole = second.gather_state({"h": torch.tensor([[11.0], [12.0]])})
     assert whole["h"].flatten().tolist() == [1.0, 2.0, 11.0, 12.0, 21.0, 22.0]
-    assert second.mine(whole)["h"].flatten().tolist() == [11.0, 12.0]
-    assert ALONE.gathered(whole) is whole
+    assert second.own_state(whole)["h"].flatten().tolist() == [11.0, 12.0]
+    assert ALONE.gather_state(whole) is whole
     assert [DistributedContext(ALONE.device, rank=rank).writes for rank in (0, 1)] == [True, False]
 
 
@@ -249,10 +249,10 @@ def test_a_network_takes_what_fits_of_the_phase_before(tmp_path):
 def test_rows_beyond_a_track_have_the_code_of_free_ground(tmp_path, monkeypatch):
     encoder, asked = write_autoencoder(tmp_path).encoder, []
     data = data_of(grid=torch.zeros(20, 392))
-    monkeypatch.setattr(fitting, "load_sequences", lambda *given: asked.append(given) or data)
+    monkeypatch.setattr(fitting, "load_rows", lambda *given: asked.append(given) or data)
     folders, codes = {"a": tmp_path / "rows"}, {"a": tmp_path / "codes"}
-    assert load_rows(TINY, None, folders, codes, tmp_path / "none") is data
-    rows = load_rows(NETWORK, None, folders, codes, tmp_path)
+    assert load_training_rows(TINY, folders, codes, tmp_path / "none") is data
+    rows = load_training_rows(NETWORK, folders, codes, tmp_path)
     assert asked == [(folders,), (folders, codes)]
     free = encoder.embedding(torch.zeros(1, 60, 60))[0]
     torch.testing.assert_close(rows.empty["grid"], free.detach())

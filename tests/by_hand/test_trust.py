@@ -150,6 +150,16 @@ def test_a_line_that_misses_the_last_detection_counts_less(side_m, counts):
     np.testing.assert_allclose(moved, 0.5 * counts * (line_y - forecasts.point[0, :, 1]), atol=1e-9)
 
 
+def test_modes_do_not_go_to_a_line_that_is_unknown():
+    """One detection within 0.6 s: of half a share of each line, that of the long one counts alone."""
+    time_s, shares = np.array([0.0, 0.7, 1.4]), np.full((2, STEPS, 2), 0.5)
+    position = np.array([[[3.0, 4.0], [3.7, 4.2], [4.4, 4.4]]])
+    *_, (_, forecasts, after) = stepped(trusting(shares), time_s, position)
+    line = position[0, -1] + AHEAD_S[:, None] * [1.0, 0.2 / 0.7]
+    np.testing.assert_allclose(after.point[0], 0.5 * forecasts.point[0] + 0.5 * line)
+    np.testing.assert_allclose(after.path[0], 0.5 * forecasts.path[0] + 0.5 * line)
+
+
 def test_people_are_followed_for_1_2_s_before_lines_are_used():
     for first_s, last_s, used in ((0.0, 1.19, False), (0.0, 1.2, True), (1.1, 2.3, True)):
         time_s = np.array([first_s, first_s + 0.3, first_s + 0.8, last_s])

@@ -52,7 +52,7 @@ class ToyNetwork(ForecastNetwork):
     def scores(self, outputs, future, dt_s):
         return {"distance": velocity_distance(outputs["velocities"], future)}
 
-    def answer(self, outputs, dt_s):
+    def decode(self, outputs, dt_s):
         velocities = outputs["velocities"]
         path = torch.cumsum(velocities * dt_s, dim=-2)
         modes = torch.stack([path, 0.0 * path], dim=-3)

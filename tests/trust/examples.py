@@ -32,18 +32,10 @@ from pedpred.reading.options import ReadOptions
 from pedpred.reading.pixels import read_homography
 from pedpred.report import results
 from pedpred.ros import write_recording
+from pedpred.rows.files import columns_of, read_manifest, read_shard, write_manifest, write_shard
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
-from pedpred.storage.columns import split_pairs
 from pedpred.storage.scenes import write_scene
-from pedpred.storage.shards import read_manifest, read_shard, write_manifest, write_shard
-from pedpred.storage.situations import (
-    read_situations,
-    read_situations_manifest,
-    situation_columns,
-    write_situations,
-    write_situations_manifest,
-)
 from tests.bags import PEOPLE, Store, moving_bag, repacked, write_mcap
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.field_formats import BINARY, PIXEL_M, RATE_HZ, ROWS, WRITERS
@@ -241,33 +233,29 @@ def table(rows: int = 12) -> FeatureTable:
     return FeatureTable(**values, inputs={"occupancy": crops, "angular_grid": grids})
 
 
-def make_features(folder: Path) -> None:
+def rows_of(row_format: RowFormat, rows: int = 12) -> dict[str, np.ndarray]:
+    """Random rows of two tracks."""
+    rng = np.random.default_rng(0)
+    values = {
+        name: rng.integers(0, 255, (rows, *it.shape)).astype(it.dtype)
+        for name, it in columns_of(row_format).items()
+    }
+    steps = {"track_id": np.repeat(np.arange(2), rows // 2), "step": np.tile(np.arange(rows // 2), 2)}
+    return values | steps | {"future_steps": np.full(rows, 4)}
+
+
+def make_rows(folder: Path, row_format: RowFormat) -> None:
     """Two row groups and the manifest."""
-    write_scene(place(), folder / "scene")
-    rows = table()
-    write_shard([rows.select(slice(0, 6)), rows.select(slice(6, 12))], folder, "place")
-    write_manifest(folder, FEATURES, {"place": folder / "scene"})
+    rows = rows_of(row_format)
+    blocks = [{name: values[half] for name, values in rows.items()} for half in (slice(0, 6), slice(6, 12))]
+    write_shard(blocks, folder, "place", row_format)
+    write_manifest(folder, row_format, {"place": "a scene"})
 
 
-def read_features(folder: Path) -> object:
-    """Manifest, then every shard that it names."""
-    made_with, names = read_manifest(folder)
-    tables = [read_shard(folder, name, made_with) for name in names]
-    return [split_pairs({**table.columns, **table.inputs}) for table in tables]
-
-
-def make_situations(folder: Path) -> None:
-    """Twelve training rows and the manifest."""
-    rng, columns = np.random.default_rng(0), situation_columns(SITUATIONS)
-    rows = {name: rng.random((12, *c.shape)) for name, c in columns.items()}
-    write_situations(rows, folder, "place", columns)
-    write_situations_manifest(folder, SITUATIONS, ["place"])
-
-
-def read_all_situations(folder: Path) -> object:
+def read_rows(folder: Path) -> object:
     """Manifest, then every file that it names."""
-    sizes, names = read_situations_manifest(folder)
-    return [read_situations(folder, name, sizes) for name in names]
+    row_format, names = read_manifest(folder)
+    return [list(read_shard(folder, name, row_format)) for name in names]
 
 
 def make_windows(folder: Path) -> None:

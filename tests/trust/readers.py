@@ -18,9 +18,9 @@ from pedpred.evaluation.forecasts import read_windows
 from pedpred.models.registry import load_network
 from pedpred.report import results
 from pedpred.ros import read_bag
+from pedpred.rows.files import read_embeddings, write_embeddings
 from pedpred.sources import SOURCES
 from pedpred.storage.scenes import read_map, read_scene
-from pedpred.storage.shards import read_embeddings, write_embeddings
 from tests import field_formats
 from tests.bags import Store, stream
 from tests.exported import export
@@ -85,9 +85,15 @@ READERS = {
         examples.make_columnar, ("walk.parquet", "walk.feather"), examples.read_columnar
     ),
     "homography": Reader(examples.make_inclined, ("annotations.txt", "H.txt"), examples.read_inclined),
-    "features": Reader(examples.make_features, ("manifest.json", "place.parquet"), examples.read_features),
+    "features": Reader(
+        lambda folder: examples.make_rows(folder, examples.FEATURES),
+        ("manifest.json", "place.parquet"),
+        examples.read_rows,
+    ),
     "situations": Reader(
-        examples.make_situations, ("manifest.json", "place.parquet"), examples.read_all_situations
+        lambda folder: examples.make_rows(folder, examples.SITUATIONS),
+        ("manifest.json", "place.parquet"),
+        examples.read_rows,
     ),
     "embeddings": Reader(embed, ("place.parquet",), lambda folder: list(read_embeddings(folder, "place"))),
     "forecasts": Reader(examples.make_windows, ("place.parquet",), at("place.parquet", read_windows)),

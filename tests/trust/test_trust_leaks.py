@@ -90,9 +90,8 @@ def test_a_fold_trains_on_its_own_real_sets_alone(training, fold, monkeypatch):
         raise InterruptedError
 
     read = set()
-    monkeypatch.setattr(train, "load_rows", record)
-    monkeypatch.setattr(train, "has_rows", lambda folder: True)
-    monkeypatch.setattr(train, "read_situations_manifest", lambda folder: (None, ["a shard"]))
+    monkeypatch.setattr(train, "load_training_rows", record)
+    monkeypatch.setattr(train, "count_rows_of", lambda folder: 1)
     with pytest.raises(InterruptedError):
         train.main.__wrapped__(OmegaConf.create(PARAMS | {"name": training, "fold": fold}))
     trained = set(trained_sets(FOLDS["real"][fold], PARAMS["places"]))

@@ -14,6 +14,9 @@ from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.features.grids import unpack_crops
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 
+EMBEDDED = "grid"
+"""The channel that the frozen encoder computes from the crops."""
+
 CROPS_AT_ONCE = 8
 """Their first layer's output, 1.6 MB, stays in the cache and in memory that the allocator keeps."""
 _PREFIX = "encoder."

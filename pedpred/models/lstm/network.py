@@ -12,7 +12,6 @@ from torch.nn.functional import leaky_relu
 
 from pedpred.errors import ValueRuleError
 from pedpred.models.contract import (
-    CHANNELS,
     ForecastNetwork,
     Loss,
     Tensors,
@@ -23,6 +22,13 @@ from pedpred.models.contract import (
 from pedpred.models.gaussian import UNCERTAINTIES, covariance_of, negative_log_density
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.settings import In, Settings, check_choice, load
+
+CHANNELS = ("state", "grid", "angular")
+"""What the network can read at each step.
+
+state: velocity, agent frame, m/s. grid: the frozen encoder's embedding of the occupancy crop.
+angular: 1 - r / r_max of the angular pedestrian grid, so that an empty cone is 0.
+"""
 
 _NEGATIVE_SLOPE = 0.1
 """Of a projection below zero: the auto-encoder's latent is linear, a ReLU would lose half of it."""
@@ -169,12 +175,12 @@ class MotionLstm(ForecastNetwork):
             scores["nll"] = negative_log_density(error, outputs["spread"])
         return scores
 
-    def answer(self, outputs: Tensors, dt_s: float) -> Tensors:
+    def decode(self, outputs: Tensors, dt_s: float) -> Tensors:
         """Velocities, and the covariance of the single mode."""
-        answer = {"velocities": outputs["velocities"]}
+        decoded = {"velocities": outputs["velocities"]}
         if "spread" in outputs:
-            answer["covariance"] = covariance_of(outputs["spread"]).unsqueeze(-4)
-        return answer
+            decoded["covariance"] = covariance_of(outputs["spread"]).unsqueeze(-4)
+        return decoded
 
     def clipped_groups(self) -> list[list[nn.Parameter]]:
         """Weights of the mean and of the spread: with one norm, the spread would slow the mean down."""
@@ -182,7 +188,8 @@ class MotionLstm(ForecastNetwork):
         apart = {id(weight) for weight in spread}
         return [[weight for weight in self.parameters() if id(weight) not in apart], spread]
 
-    def take_encoder(self, encoder: GridEncoder) -> None:
+    def take_encoder(self, encoder: nn.Module) -> None:
         """The encoder's fully connected layer becomes the projection of the grid (paper, III-B.2)."""
+        assert isinstance(encoder, GridEncoder)
         if "grid" in self.projections:
             self.projections["grid"].load_state_dict(encoder.fc.state_dict())

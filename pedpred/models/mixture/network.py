@@ -225,7 +225,7 @@ class MixtureNetwork(ForecastNetwork):
             "nll": -torch.logsumexp(outputs["weight"][..., None] + density, dim=-2),
         }
 
-    def answer(self, outputs: Tensors, dt_s: float) -> Tensors:
+    def decode(self, outputs: Tensors, dt_s: float) -> Tensors:
         """The point forecast and the modes."""
         return {
             "velocities": outputs["velocities"],

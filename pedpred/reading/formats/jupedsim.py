@@ -45,7 +45,7 @@ def read(path: Path, options: ReadOptions) -> Table:
     Raises:
         ContentError: the file is damaged, of another program, or its values are wrong.
     """
-    with _opened(path) as database:
+    with _open_database(path) as database:
         _check_columns(database, "trajectory_data", "frame", "id", "pos_x", "pos_y")
         version = _metadata(database, "version")
         if version is not None and str(version).strip() not in _VERSIONS:
@@ -66,7 +66,7 @@ def read(path: Path, options: ReadOptions) -> Table:
 
 def _read_walls(path: Path) -> Geometry | None:
     """The ground where people walk; None where the file has none."""
-    with _opened(path) as database:
+    with _open_database(path) as database:
         if "geometry" not in _tables(database):
             return None
         _check_columns(database, "geometry", "wkt")
@@ -76,7 +76,7 @@ def _read_walls(path: Path) -> Geometry | None:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[sqlite3.Connection]:
+def _open_database(path: Path) -> Iterator[sqlite3.Connection]:
     """Open an untrusted database: read only, with limits, and without running code in it.
 
     Raises:

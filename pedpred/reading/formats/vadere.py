@@ -61,10 +61,10 @@ def read(path: Path, options: ReadOptions) -> Table:
         raise ContentError("simTime or endTime is too large for seconds")
     rate_hz = options.rate_hz or _USUAL_HZ
     who = whole_numbers(steps["pedestrianId"], "pedestrianId", skipped)
-    return Table(_detected(steps, who, rate_hz), "m", rate_hz)
+    return Table(_interpolate(steps, who, rate_hz), "m", rate_hz)
 
 
-def _detected(steps: Mapping[str, np.ndarray], track_id: np.ndarray, rate_hz: float) -> pa.Table:
+def _interpolate(steps: Mapping[str, np.ndarray], track_id: np.ndarray, rate_hz: float) -> pa.Table:
     """Interpolate positions at whole multiples of the interval, from the first to the last footstep."""
     both = {"t": ("simTime", "endTime"), "x": ("startX", "endX"), "y": ("startY", "endY")}
     knots = {name: np.stack([steps[title] for title in pair], -1) for name, pair in both.items()}

@@ -44,7 +44,7 @@ def parse_wkt(text: str) -> Geometry:
         raise ContentError(f"a geometry of {len(text)} characters, at most {_LARGEST_BYTES} are read")
     try:
         with np.errstate(all="ignore"):
-            parts = [part for one in _divided(text) for part in _parts(shapely.from_wkt(one))]
+            parts = [part for one in _split(text) for part in _parts(shapely.from_wkt(one))]
     except (shapely.GEOSException, ValueError) as cause:
         raise ContentError(f"{type(cause).__name__}: {cause}"[:300], _REMEDY) from cause
     if not parts:
@@ -59,7 +59,7 @@ def parse_wkt(text: str) -> Geometry:
     return Geometry(tuple(polygons), (), np.concatenate([np.zeros((0, 2, 2)), *segments]))
 
 
-def _divided(text: str) -> Iterator[str]:
+def _split(text: str) -> Iterator[str]:
     """Divide geometries that follow each other; brackets are counted first, since GEOS does not."""
     depth, start = 0, 0
     for at, sign in enumerate(text):
@@ -67,13 +67,13 @@ def _divided(text: str) -> Iterator[str]:
         if depth > _DEEPEST:
             raise ValueError(f"brackets more than {_DEEPEST} deep")
         if sign == ")" and depth == 0:
-            yield _plain(text[start : at + 1])
+            yield _strip(text[start : at + 1])
             start = at + 1
-    if rest := _plain(text[start:]):
+    if rest := _strip(text[start:]):
         yield rest
 
 
-def _plain(text: str) -> str:
+def _strip(text: str) -> str:
     text = text.strip(_BETWEEN)
     return text.partition(";")[2] if text.upper().startswith("SRID=") else text
 

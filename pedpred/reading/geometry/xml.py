@@ -52,7 +52,7 @@ def read_xml(path: Path) -> Geometry:
     if not subrooms:
         problem = "no polygon outlines the ground where people walk, and no wall is drawn"
         raise ContentError(problem, "Add a <polygon> with <vertex> to a <subroom>")
-    filled, edges = _filled(obstacles)
+    filled, edges = _fill_obstacles(obstacles)
     if all(len(polygons) == 1 and len(polygons[0]) > 2 for polygons in subrooms) and not doors:
         ground = tuple(shapely.Polygon(polygons[0]) for polygons in subrooms)
         return Geometry(ground, filled, _segments(edges))
@@ -107,7 +107,9 @@ def _polygons(elements: Iterable[ElementTree.Element], root: ElementTree.Element
     return polygons
 
 
-def _filled(obstacles: Sequence[Sequence[Polygon]]) -> tuple[tuple[shapely.Polygon, ...], list[Polygon]]:
+def _fill_obstacles(
+    obstacles: Sequence[Sequence[Polygon]],
+) -> tuple[tuple[shapely.Polygon, ...], list[Polygon]]:
     """The polygons of obstacles, and those of their edges that enclose nothing."""
     filled: list[shapely.Polygon] = []
     left: list[Polygon] = []

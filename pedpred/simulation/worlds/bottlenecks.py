@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from pedpred.settings import In, Range, Settings
-from pedpred.simulation.worlds.drawing import uniform
+from pedpred.simulation.worlds.drawing import uniform, whole_number
 from pedpred.simulation.worlds.floors import Area, Floor, ground_cells, paint_rectangle
 from pedpred.simulation.worlds.journeys import WorldSetup
 from pedpred.simulation.worlds.streams import StreamSettings, draw_streams
@@ -51,7 +51,7 @@ def draw_bottleneck(settings: BottleneckSettings, rng: np.random.Generator) -> F
     right = left + uniform(rng, settings.wall_m)
     paint_rectangle(free, (left, 0.0), (right, high + _SIDE_M), False)
     narrow_m = 0.0
-    for _ in range(int(rng.integers(1, 3)) if width_m > settings.two_from_m else 1):
+    for _ in range(whole_number(rng, (1, 2)) if width_m > settings.two_from_m else 1):
         least, most = settings.opening_m
         opening_m = uniform(rng, (least, max(least, min(most, 0.8 * width_m))))
         centred = rng.random() < settings.centred_share

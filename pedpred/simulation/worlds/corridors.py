@@ -15,6 +15,7 @@ from pedpred.simulation.worlds.drawing import (
     draw_name,
     log_uniform,
     uniform,
+    whole_number,
 )
 from pedpred.simulation.worlds.floors import CELL_M, Area, Floor, ground_cells, paint_disc, paint_rectangle
 from pedpred.simulation.worlds.journeys import WorldSetup
@@ -136,8 +137,7 @@ def _with_obstacles(
     free: np.ndarray, center: np.ndarray, arm_m: float, settings: CorridorSettings, rng: np.random.Generator
 ) -> np.ndarray:
     """Place small discs in the arms where they leave a way past. [X, Y] bool."""
-    least, most = settings.obstacles
-    for _ in range(rng.integers(least, most + 1)):
+    for _ in range(whole_number(rng, settings.obstacles)):
         along = np.array([1.0, 0.0] if rng.random() < 0.5 else [0.0, 1.0])
         place = center + rng.uniform(-arm_m, arm_m) * along + rng.uniform(-1.0, 1.0, 2)
         tried = free.copy()

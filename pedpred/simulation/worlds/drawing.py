@@ -22,6 +22,11 @@ def log_uniform(rng: np.random.Generator, limits: Range) -> float:
     return math.exp(rng.uniform(math.log(limits[0]), math.log(limits[1])))
 
 
+def whole_number(rng: np.random.Generator, limits: tuple[int, int]) -> int:
+    """Draw a whole number; both limits are possible."""
+    return int(rng.integers(limits[0], limits[1] + 1))
+
+
 class Uniform(In):
     """Limits of a range from which `draw_fields` draws uniformly."""
 

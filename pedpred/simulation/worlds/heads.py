@@ -46,10 +46,8 @@ def move_to_heads(scene: Scene, sway: Sway, rng: np.random.Generator) -> Scene:
     """
     trajectories = scene.trajectories
     assert trajectories.velocity is not None
-    order = np.lexsort((trajectories.time_s, trajectories.track_id))
-    starts = np.flatnonzero(np.diff(trajectories.track_id[order], prepend=-1))
     position = trajectories.position.copy()
-    for rows in np.split(order, starts[1:]) if len(order) else []:
+    for rows in trajectories.by_track():
         position[rows] += _offsets(trajectories.velocity[rows], sway, scene.detection_dt_s, rng)
     heads = Trajectories(
         trajectories.time_s,

@@ -7,8 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from pedpred.settings import Range
-from pedpred.simulation.worlds.drawing import log_uniform
+from pedpred.simulation.worlds.drawing import log_uniform, whole_number
 from pedpred.simulation.worlds.floors import Floor, move_onto_free
+
+REACH_M = 1.0
+"""Distance at which people who come and leave have reached a target."""
+LAST_S = 5.0
+"""They come until this long after the end of the recording."""
+MOST = 250
+"""Largest number of people of a stream, or of a square."""
 
 
 class Journeys(NamedTuple):
@@ -152,7 +159,7 @@ def form_groups(
     count = len(journeys.start_s)
     leader, person = np.arange(count), 0
     while person < count:
-        size = int(rng.integers(sizes[0], sizes[1] + 1)) if rng.random() < share else 1
+        size = whole_number(rng, sizes) if rng.random() < share else 1
         leader[person : person + size] = person
         person += size
     alone = np.bincount(leader, minlength=count)[leader] == 1

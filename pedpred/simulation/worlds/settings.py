@@ -14,6 +14,7 @@ from pedpred.settings import (
 )
 from pedpred.simulation.worlds.bottlenecks import BottleneckSettings
 from pedpred.simulation.worlds.corridors import CorridorSettings
+from pedpred.simulation.worlds.drawing import Uniform
 from pedpred.simulation.worlds.lone import LoneSettings
 from pedpred.simulation.worlds.models import ModelSettings
 from pedpred.simulation.worlds.people import PeopleSettings
@@ -33,9 +34,9 @@ class GuidanceSettings(Settings):
     """
 
     resolution_m: Annotated[float, In("(0, 1000]")]
-    narrow_m: Annotated[Range, In("(0, 1000]")]
-    comfortable_m: Annotated[Range, In("(0, 1000]")]
-    slowest: Annotated[Range, In("(0, 1]")]
+    narrow_m: Annotated[Range, Uniform("(0, 1000]")]
+    comfortable_m: Annotated[Range, Uniform("(0, 1000]")]
+    slowest: Annotated[Range, Uniform("(0, 1]")]
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from pedpred.settings import In, Range, Settings
-from pedpred.simulation.worlds.drawing import check_shares, draw_name, uniform
+from pedpred.simulation.worlds.drawing import check_shares, draw_name, uniform, whole_number
 from pedpred.simulation.worlds.floors import Area, Floor, ground_cells, paint_disc, paint_rectangle
 from pedpred.simulation.worlds.journeys import WorldSetup
 from pedpred.simulation.worlds.strolls import StrollSettings, draw_strolls
@@ -81,8 +81,7 @@ def set_up_square(settings: SquareSettings, duration_s: float, rng: np.random.Ge
 def _place_posts(
     free: np.ndarray, size: np.ndarray, settings: SquareSettings, rng: np.random.Generator
 ) -> None:
-    least, most = settings.posts
-    for _ in range(rng.integers(least, most + 1)):
+    for _ in range(whole_number(rng, settings.posts)):
         place = rng.uniform(0.1 * size, 0.9 * size)
         if rng.random() < 0.5:
             paint_disc(free, place, uniform(rng, settings.post_radius_m))
@@ -108,8 +107,7 @@ def _edge_places(size: np.ndarray, settings: SquareSettings, rng: np.random.Gene
     if rng.random() < settings.street_share:
         along = np.arange(2) == rng.integers(2)
         return size * np.where(along, [[_EDGE], [1.0 - _EDGE]], 0.5)
-    least, most = settings.entrances
-    count = int(rng.integers(least, most + 1))
+    count = whole_number(rng, settings.entrances)
     places = rng.uniform(0.1, 0.9, (count, 2))
     axis = rng.integers(2, size=count)
     places[np.arange(count), axis] = np.where(rng.random(count) < 0.5, _EDGE, 1.0 - _EDGE)

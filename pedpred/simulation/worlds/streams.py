@@ -11,15 +11,11 @@ import numpy as np
 from pedpred.settings import In, Range, Settings
 from pedpred.simulation.worlds.drawing import check_shares, draw_name, log_uniform, uniform
 from pedpred.simulation.worlds.floors import Floor, draw_points
-from pedpred.simulation.worlds.journeys import Journeys, Visitors, form_groups, single
+from pedpred.simulation.worlds.journeys import LAST_S, MOST, REACH_M, Journeys, Visitors, form_groups, single
 
 _TARGETS = 4  # per entrance
-_REACH_M = 1.0
 _WAITING_DEPTH_M = 6.0
 _WAITING_SPACING_M = 0.35
-_LAST_S = 5.0  # people come until this long after the end of the recording
-_MOST = 250  # people of a stream
-
 
 _PATTERNS = ("one_way", "merging", "two_way", "all")
 
@@ -69,11 +65,11 @@ def draw_streams(
     pairs = _pairs(floor, settings, rng)
     target = np.concatenate([draw_points(floor.free, area, _TARGETS, 0.35, rng) for area in floor.entrances])
     rate = log_uniform(rng, settings.dense_arrivals if dense else settings.arrivals) * floor.narrow_m
-    end_s, spacing_m = duration_s + _LAST_S, uniform(rng, settings.spacing_m)
+    end_s, spacing_m = duration_s + LAST_S, uniform(rng, settings.spacing_m)
     parts = []
     for origin, exit_ in pairs:
         expected = rate / len(pairs) * log_uniform(rng, settings.unequal) * end_s
-        start_s = rng.uniform(0.0, end_s, min(int(expected) + 1, _MOST))
+        start_s = rng.uniform(0.0, end_s, min(int(expected) + 1, MOST))
         parts.append(_stream(floor, start_s, origin, exit_, 0.3, rng))
     if dense and settings.waiting_per_m2[1] > 0:
         per_m2 = uniform(rng, settings.waiting_per_m2)
@@ -86,7 +82,7 @@ def draw_streams(
     if not dense and rng.random() < settings.grouped_share:
         journeys = form_groups(journeys, settings.pair_share, (2, 2), 0.5, floor.free, rng)
     stops = bool(rng.random() < settings.stopping_share)
-    return Visitors(journeys, target, dense, stops, spacing_m, _REACH_M, True)
+    return Visitors(journeys, target, dense, stops, spacing_m, REACH_M, True)
 
 
 def _stream(

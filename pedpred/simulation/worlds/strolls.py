@@ -8,16 +8,13 @@ from typing import Annotated
 import numpy as np
 
 from pedpred.settings import In, Range, Settings
-from pedpred.simulation.worlds.drawing import log_uniform, uniform
+from pedpred.simulation.worlds.drawing import log_uniform, uniform, whole_number
 from pedpred.simulation.worlds.floors import Floor, move_onto_free
-from pedpred.simulation.worlds.journeys import Journeys, Visitors, form_groups, single
+from pedpred.simulation.worlds.journeys import LAST_S, MOST, REACH_M, Journeys, Visitors, form_groups, single
 
 _TARGETS = 5  # per entrance
 _CLEAR_M = 0.4
-_REACH_M = 1.0
 _SPACING_M = 0.3
-_LAST_S = 5.0  # people come until this long after the end of the recording
-_MOST = 250
 _CLUSTER_M = 0.8  # standard deviation of the places in a cluster
 
 
@@ -64,8 +61,8 @@ def draw_strolls(
     """Draw the people of a square during some time (with the warm-up)."""
     dense = bool(rng.random() < settings.dense_share)
     rate = log_uniform(rng, settings.arrivals) * (settings.dense_factor if dense else 1.0)
-    end_s, entrances = duration_s + _LAST_S, len(floor.entrances)
-    count = min(int(rate * end_s) + 2, _MOST)
+    end_s, entrances = duration_s + LAST_S, len(floor.entrances)
+    count = min(int(rate * end_s) + 2, MOST)
     drawn = [rng.uniform(area.low, area.high, (_TARGETS, 2)) for area in floor.entrances]
     target = move_onto_free(floor.free, np.concatenate(drawn), _CLEAR_M)
     start_s = np.sort(rng.uniform(0.0, end_s, count))
@@ -81,7 +78,7 @@ def draw_strolls(
         journeys = form_groups(journeys, share, settings.group_size, 1.0, floor.free, rng)
     if rng.random() < settings.standing_share:
         journeys = journeys.joined(_standing(floor, len(target), settings, rng))
-    return Visitors(journeys, target, dense, True, _SPACING_M, _REACH_M, True)
+    return Visitors(journeys, target, dense, True, _SPACING_M, REACH_M, True)
 
 
 def _with_detours(
@@ -100,9 +97,7 @@ def _with_detours(
 
 def _standing(floor: Floor, targets: int, settings: StrollSettings, rng: np.random.Generator) -> Journeys:
     """People who stand in clusters from the start, and walk off some time."""
-    least, most = settings.standing
-    count = int(rng.integers(least, most + 1))
-    size = floor.size_m
+    count, size = whole_number(rng, settings.standing), floor.size_m
     center = rng.uniform(0.2 * size, 0.8 * size, (max(count // settings.cluster, 1), 2))
     place = center[rng.integers(len(center), size=count)] + rng.normal(0.0, _CLUSTER_M, (count, 2))
     place = move_onto_free(floor.free, np.clip(place, 0.5, size - 0.5), 0.3)

@@ -16,7 +16,7 @@ from pedpred.simulation.routing import Routes, routes_to
 from pedpred.simulation.settings import RoutingSettings
 from pedpred.simulation.worlds.bottlenecks import set_up_bottleneck
 from pedpred.simulation.worlds.corridors import set_up_corridor
-from pedpred.simulation.worlds.drawing import uniform
+from pedpred.simulation.worlds.drawing import draw_fields
 from pedpred.simulation.worlds.floors import CELL_M, close_openings, show_on_map
 from pedpred.simulation.worlds.journeys import State, WorldSetup
 from pedpred.simulation.worlds.lone import simulate_lone_people
@@ -103,12 +103,7 @@ def draw_routes(
 ) -> tuple[Ground, Routes]:
     """Compute obstacles, and routes to the targets; on ground without obstacles they are straight."""
     ground = ground_of(OccupancyMap(~free, np.zeros(2), CELL_M))
-    routing = RoutingSettings(
-        settings.resolution_m,
-        uniform(rng, settings.narrow_m),
-        uniform(rng, settings.comfortable_m),
-        uniform(rng, settings.slowest),
-    )
+    routing = RoutingSettings(settings.resolution_m, **draw_fields(settings, rng))
     if not free.all():
         return ground, routes_to(target, ground, routing)
     nowhere = np.zeros((len(target), 2, 2, 2), dtype=np.float32)  # the kernel then walks straight

@@ -42,10 +42,11 @@ class LstmFeatures(Settings):
             raise ValueRuleError("grid_cells", self.grid_cells, rule)
 
     def columns(self) -> dict[str, StoredColumn]:
-        """See `ModelFeatures`; the velocity is a column of every feature table."""
+        """See `ModelFeatures`."""
         bits = "bits, cell (i forward, j left) is bit i * grid_cells + j, least significant first"
         cones = "m, cone k covers [k, k+1) * 2 pi / angular_cells counter-clockwise from the heading"
         return {
+            "state": StoredColumn("float32", (2,), "tracked velocity (forward, left), m/s"),
             "occupancy": StoredColumn("uint8", (self.grid_cells**2 // 8,), bits),
             "angular_grid": StoredColumn("float32", (self.angular_cells,), cones),
         }

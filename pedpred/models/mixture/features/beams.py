@@ -51,23 +51,25 @@ def _cast(cells, shape, start, heading_rad, turns, reach, distance):  # pragma: 
         for b in range(len(turns)):
             angle = heading_rad[q] + turns[b]
             way_x, way_y = math.cos(angle), math.sin(angle)
-            from_x, to_x = _above(x, way_x, shape[0], reach)
-            from_y, to_y = _above(y, way_y, shape[1], reach)
+            from_x, to_x = _span_on_map(x, way_x, shape[0], reach)
+            from_y, to_y = _span_on_map(y, way_y, shape[1], reach)
             enter, leave = max(from_x, from_y), min(to_x, to_y)
             if enter >= leave:
                 distance[q, b] = reach
             elif abs(way_x) >= abs(way_y):
-                distance[q, b] = _walk(
+                distance[q, b] = _first_wall(
                     cells, x, way_x, shape[0], shape[1], y, way_y, shape[1], 1, enter, leave, reach
                 )
             else:
-                distance[q, b] = _walk(
+                distance[q, b] = _first_wall(
                     cells, y, way_y, shape[1], 1, x, way_x, shape[0], shape[1], enter, leave, reach
                 )
 
 
 @compiled
-def _walk(cells, u, way_u, size_u, row_u, v, way_v, size_v, row_v, enter, leave, reach):  # pragma: no cover
+def _first_wall(
+    cells, u, way_u, size_u, row_u, v, way_v, size_v, row_v, enter, leave, reach
+):  # pragma: no cover (compiled)
     """How far it is to the first blocked cell behind a free one along a beam, or `reach`.
 
     From edge to edge along the axis u, along which the beam is faster: in between lie one cell or two. None
@@ -114,8 +116,8 @@ def _walk(cells, u, way_u, size_u, row_u, v, way_v, size_v, row_v, enter, leave,
 
 
 @compiled
-def _above(start, way, size, reach):  # pragma: no cover (compiled)
-    """From where to where along a beam one coordinate is that of the map; lengths are in cells."""
+def _span_on_map(start, way, size, reach):  # pragma: no cover (compiled)
+    """Part [from, to] of a beam on which one of its coordinates is on the map; lengths are in cells."""
     if abs(way) < _ALONG:
         return 0.0, reach if 0.0 <= start < size else -1.0
     one, other = -start / way, (size - start) / way

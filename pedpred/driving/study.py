@@ -1,4 +1,4 @@
-"""A trial: all forecasters drive the same episodes at a place; table, figures, and episodes to show."""
+"""A study: all forecasters drive the same episodes at a place; table, figures, and episodes to show."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _BLOCK = 2  # episodes that one worker drives one after the other
 
 
 @dataclass(frozen=True)
-class TrialPlace(Settings):
+class StudyPlace(Settings):
     """Where robots drive.
 
     Attributes:
@@ -76,7 +76,7 @@ class TrialPlace(Settings):
 
 
 @dataclass(frozen=True)
-class TrialSettings(Settings):
+class StudySettings(Settings):
     """Which drives are done.
 
     Attributes:
@@ -91,7 +91,7 @@ class TrialSettings(Settings):
     risks: Annotated[tuple[float, ...], In("[0, 1)")]
     methods: tuple[str, ...]
     seed: Annotated[int, In(f"[0, {LARGEST_SEED}]")]
-    places: Mapping[str, TrialPlace]
+    places: Mapping[str, StudyPlace]
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -105,7 +105,7 @@ class TrialSettings(Settings):
         return [range(n, min(n + _BLOCK, self.episodes)) for n in range(0, self.episodes, _BLOCK)]
 
 
-def drive_block(settings: TrialSettings, name: str, numbers: Sequence[int]) -> list[Row]:
+def drive_block(settings: StudySettings, name: str, numbers: Sequence[int]) -> list[Row]:
     """Drive some episodes at a place with all methods; no rows if its recording is missing.
 
     The job of one worker.
@@ -117,17 +117,17 @@ def drive_block(settings: TrialSettings, name: str, numbers: Sequence[int]) -> l
     return [row for number in numbers for row in runner.rows(number, asked)[0]]
 
 
-def _runner(settings: TrialSettings, name: str) -> Runner | None:
+def _runner(settings: StudySettings, name: str) -> Runner | None:
     place = settings.places[name]
     places = place.places()
     return None if places is None else Runner(places, DriveSettings(seed=settings.seed), place.models())
 
 
-def write_trial(settings: TrialSettings, name: str, rows: Sequence[Row], drives: Path, metrics: Path) -> None:
+def write_study(settings: StudySettings, name: str, rows: Sequence[Row], drives: Path, metrics: Path) -> None:
     """Write what is known of the drives at a place.
 
     Args:
-        settings: of the trial.
+        settings: of the study.
         name: of the place.
         rows: of all its episodes.
         drives: folder of `table.csv`, `shown.json`, scenes of the shown drives, and their recordings.
@@ -139,7 +139,7 @@ def write_trial(settings: TrialSettings, name: str, rows: Sequence[Row], drives:
     write_json(drives / "shown.json", _write_shown(settings, name, rows, drives) if rows else {})
 
 
-def _write_shown(settings: TrialSettings, name: str, rows: Sequence[Row], drives: Path) -> dict[str, Any]:
+def _write_shown(settings: StudySettings, name: str, rows: Sequence[Row], drives: Path) -> dict[str, Any]:
     """Drive the shown episodes again and write them; the descriptions of their drives by kind."""
     risk, runner = settings.risks[len(settings.risks) // 2], _runner(settings, name)
     shown: dict[str, Any] = {}

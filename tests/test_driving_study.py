@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from omegaconf import OmegaConf
 from scipy.stats import binomtest
 
-from pedpred.driving import trials
+from pedpred.driving import study
 from pedpred.driving.episodes import DriveSettings, EpisodeSettings
 from pedpred.driving.figures import figures_of, share_interval
 from pedpred.driving.measures import Measures
 from pedpred.driving.shown import choose_episodes
+from pedpred.driving.study import StudyPlace, StudySettings, drive_block, write_study
 from pedpred.driving.table import Condition, Row, read_table, write_table
-from pedpred.driving.trials import TrialPlace, TrialSettings, drive_block, write_trial
 from pedpred.errors import ValueRuleError
 from pedpred.files import read_json
 from pedpred.report.canvas import png_bytes
@@ -30,8 +30,8 @@ from tests.configuration import composed
 from tests.conftest import ROOT
 
 DEFAULT = (ROOT / "models/online/default").as_posix()
-PLACE = TrialPlace("", "corridor", "react", DEFAULT, DEFAULT)
-SETTINGS = TrialSettings(2, (0.05, 0.3), ("kalman", "modes"), 1, {"corridor": PLACE})
+PLACE = StudyPlace("", "corridor", "react", DEFAULT, DEFAULT)
+SETTINGS = StudySettings(2, (0.05, 0.3), ("kalman", "modes"), 1, {"corridor": PLACE})
 """Episodes of this seed are short, yet the network learns in each of them: what stays, the next one shows."""
 
 
@@ -40,12 +40,12 @@ def short_ways():
     """Robots watch for a second and drive some metres."""
     ways = partial(DriveSettings, episodes=EpisodeSettings((3.0, 5.0), watching_s=1.0))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trials, "DriveSettings", ways)
+        patch.setattr(study, "DriveSettings", ways)
         yield
 
 
 def write(rows, folder, settings=SETTINGS):
-    write_trial(settings, "corridor", rows, folder / "drives", folder / "corridor.json")
+    write_study(settings, "corridor", rows, folder / "drives", folder / "corridor.json")
 
 
 @pytest.fixture(scope="module")
