@@ -49,7 +49,7 @@ class PresentMotion:
         """See `Forecaster`."""
         here, dt_s = self._people.follow(time_s, track_id, position), self._protocol.dt_s
         velocity = here.velocity if self._moving else np.zeros_like(here.velocity)
-        ahead_s = (np.arange(self._protocol.horizon_steps) + 1) * dt_s
+        ahead_s = self._protocol.ahead_s
         path = here.position[:, None] + velocity[:, None] * ahead_s[:, None]
         covariance = self._people.covariance(time_s, ahead_s) if self._spread else None
         pace = np.repeat(velocity[:, None], len(ahead_s), axis=1)

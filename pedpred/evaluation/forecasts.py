@@ -35,7 +35,7 @@ class EvaluationWindows:
         position: tracked, world frame, m. [W, 2]
         heading_rad: counter-clockwise from world x. [W]
         velocity: tracked, agent frame (forward, left), m/s. [W, 2]
-        packed_grid: bits of the obstacle grid, little end first; no columns where nobody reads it.
+        packed_grid: bits of the obstacle grid, little end first; no columns if no method reads it.
             [W, bytes] uint8
         angular_grid_m: distance of the nearest pedestrian per cone, counted counter-clockwise
             from the heading; `max_range_m` is empty; no columns likewise. [W, C]

@@ -130,7 +130,7 @@ def score(
 
 
 def _check_all_forecast(predictions: Predictions) -> None:
-    """Check that no figure of a method would be a mean over those windows alone that it can be measured in.
+    """Check that a method can be measured in every window, so that no mean leaves some out.
 
     Raises:
         ValueRuleError: a position is not finite, or a covariance is not positive definite.

@@ -124,7 +124,7 @@ class Surroundings:
         observers: tracked states at the present. [Q]
         past: of the observers.
         time_s: the present of each observer, s. [Q]
-        around: everybody near them, with velocities; an observer's own track is left out by who reads it.
+        around: everybody who is present, with velocities; models leave out an observer's own track.
         occupancy: static obstacles.
     """
 
@@ -138,7 +138,7 @@ class Surroundings:
     def of(
         cls, tracks: Tracks, row: np.ndarray, time_s: np.ndarray, around: Neighbours, occupancy: OccupancyMap
     ) -> Surroundings:
-        """Those of tracked people.
+        """Collect what is around tracked people.
 
         Args:
             tracks: the tracker's states.

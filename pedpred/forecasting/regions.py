@@ -36,7 +36,7 @@ from pedpred.compiled import compiled
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting.detections import KNOWN, NEAR_S, Detections, Instant, is_in_sorted
 from pedpred.forecasting.groups import GROUPS, groups_of
-from pedpred.metrics.calibration import COARSE, REGIONS, describe, share_reached
+from pedpred.metrics.calibration import COARSE, REGIONS, share_reached, write_component
 from pedpred.scenes import Predictions
 from pedpred.settings import finite
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -333,7 +333,7 @@ def _missed_regions(  # pragma: no cover (compiled)
             share, mean, sigma = weight[row, mode], path[row, mode], covariance[row, mode]
             wide = math.exp(2.0 * (a + b * (2.0 * before + share - 1.0)))
             xx, xy, yy = wide * sigma[0, 0] + noise, wide * sigma[1, 0], wide * sigma[1, 1] + noise
-            describe(modes[mode], mean[0] - x, mean[1] - y, xx, xy, yy, share)
+            write_component(modes[mode], mean[0] - x, mean[1] - y, xx, xy, yy, share)
             before += share
         missed[row] = (share_reached(modes, points, shares) > shares).sum()
 

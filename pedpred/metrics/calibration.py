@@ -132,13 +132,13 @@ def _share_inside(centre, covariance, weight, points):  # pragma: no cover (comp
         for step in range(steps):
             for mode in range(modes):
                 (x, y), sigma = centre[row, mode, step], covariance[row, mode, step]
-                describe(there[mode], x, y, sigma[0, 0], sigma[1, 0], sigma[1, 1], weight[row, mode])
+                write_component(there[mode], x, y, sigma[0, 0], sigma[1, 0], sigma[1, 1], weight[row, mode])
             share[row, step] = share_reached(there, points, limits)
     return share
 
 
 @compiled
-def describe(row, x, y, xx, xy, yy, weight):  # pragma: no cover (compiled)
+def write_component(row, x, y, xx, xy, yy, weight):  # pragma: no cover (compiled)
     """Fill a row for `share_reached`: a mode's mean, seen from the truth; its covariance; its weight.
 
     The row is the mean, L of Sigma = L L^T, the density at the mean (without 2 pi), the inverse diagonal

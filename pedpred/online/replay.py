@@ -92,15 +92,14 @@ def as_windows(
         One row per person and forecast; the grids are left empty.
     """
     frames = list(forecasts)
-    dt_s, ahead_s = protocol.dt_s, (np.arange(protocol.horizon_steps) + 1) * protocol.dt_s
-    nobody = np.zeros((0, protocol.horizon_steps, 2))
+    dt_s, nobody = protocol.dt_s, np.zeros((0, protocol.horizon_steps, 2))
     predictions = Predictions.single(nobody, dt_s)
     if any(len(frame) for frame in frames):
         predictions = Predictions.join([frame.predictions for frame in frames if len(frame)])
     track_id = np.concatenate([np.zeros(0, np.int64), *(frame.track_id for frame in frames)])
     time_s = np.repeat([frame.time_s for frame in frames], [len(frame) for frame in frames])
     first = np.concatenate([nobody, *(frame.velocity for frame in frames)])[:, 0]
-    truth, _ = Futures.of(scene.trajectories, protocol.lost_after_s).after(track_id, time_s, ahead_s)
+    truth, _ = Futures.of(scene.trajectories, protocol.lost_after_s).after(track_id, time_s, protocol.ahead_s)
     rows = len(track_id)
     return EvaluationWindows(
         track_id,

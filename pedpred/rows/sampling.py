@@ -101,7 +101,7 @@ def sample_rows(
     protocol, features = sampling.row_format.protocol, sampling.row_format.features
     kind = "truth" if kalman is None else "kalman"
     tracks = follow(seen.trajectories, kind, kalman, sampling.standstill_mps, protocol.lost_after_s)
-    futures = Futures.of(truth, min(protocol.truth_gap_s, protocol.lost_after_s))
+    futures = Futures.of(truth, protocol.longest_gap_s)
     row = np.flatnonzero(_with_future(tracks, futures, protocol.horizon_steps * protocol.dt_s))
     chance = _chances(tracks.age[row] < sampling.rows.newborn, sampling.rows.newborn_share)
     row = np.sort(rng.choice(row, min(most, len(row)), replace=False, p=chance))
@@ -112,8 +112,7 @@ def sample_rows(
     beside = position[moved] + rng.normal(0.0, sampling.rows.shift_m, (moved.sum(), 2))
     for name, values in features.obstacle_inputs(seen.occupancy, beside, heading[moved]).items():
         inputs[name][moved] = values
-    ahead_s = (np.arange(protocol.horizon_steps) + 1) * protocol.dt_s
-    path, _ = futures.after(tracks.person_id[row], time_s, ahead_s)
+    path, _ = futures.after(tracks.person_id[row], time_s, protocol.ahead_s)
     future = rotate(future_velocities(position, path, protocol.dt_s), -heading[:, None])
     return inputs | {"future": future.astype(np.float32)}
 

@@ -9,12 +9,12 @@ from pedpred.metrics.calibration import (
     FINE,
     REGIONS,
     coverage,
-    describe,
     mixture_nll,
     share_inside,
     share_reached,
     shown_steps,
     sunflower,
+    write_component,
 )
 from pedpred.scenes import Predictions
 from tests.by_hand.modes import PATHS, SEEN, SHARES, SIGMAS, covariances, modes_of, scene_of
@@ -120,14 +120,14 @@ def test_region_around_a_mode_in_the_middle_of_the_others():
 def test_a_mode_is_described_by_its_cholesky_factor():
     """Sigma = (4, 1.2; 1.2, 2.61) = L L^T with L = (2, 0; 0.6, 1.5); density at the mean 0.3 / (2 * 1.5)."""
     row = np.empty(9)
-    describe(row, 0.7, -0.2, 4.0, 1.2, 2.61, 0.3)
+    write_component(row, 0.7, -0.2, 4.0, 1.2, 2.61, 0.3)
     np.testing.assert_allclose(row, [0.7, -0.2, 2.0, 0.6, 1.5, 0.1, 0.5, 1 / 1.5, 0.3])
 
 
 def described(path, sigma, weight):
     rows = np.empty((len(path), 9))
     for row, (x, y), own, share in zip(rows, path, sigma, weight, strict=True):
-        describe(row, x, y, own[0, 0], own[1, 0], own[1, 1], share)
+        write_component(row, x, y, own[0, 0], own[1, 0], own[1, 1], share)
     return rows
 
 
