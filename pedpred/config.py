@@ -268,7 +268,10 @@ def declared(root: Path, address: str, arguments: list[str]) -> DictConfig:
         ConfigError: dvc.yaml has no such stage, a file is missing or damaged, or a declared key is missing.
     """
     params, seen = plain(read_params(root)), OmegaConf.create()
-    declaration = one_of("DVC_STAGE", address.removeprefix("dvc.yaml:"), known_declarations(root))
+    known, stage_name = known_declarations(root), address.removeprefix("dvc.yaml:")
+    if stage_name not in known:
+        raise ConfigError("DVC_STAGE", address, f"dvc.yaml has no such stage; there are {', '.join(known)}")
+    declaration = known[stage_name]
     for key in declaration["params"]:
         value: Any = params
         for name in key.split("."):
