@@ -62,7 +62,8 @@ from stages.row_types import (
     RecordingRows,
     Reference,
 )
-from stages.simulate import SetTracking, read_layouts
+from stages.sets import SetTracking
+from stages.simulate import read_layouts
 from stages.train import NONE, networks_of, phase_of, training_of
 from stages.validate_simulation import flow_of
 from stages.worlds import worlds_of

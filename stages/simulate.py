@@ -3,44 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, plain, row, stage, stage_key
 from pedpred.errors import ConfigError
 from pedpred.files import read_yaml
-from pedpred.settings import In, Settings, load, load_together
+from pedpred.settings import load, load_together
 from pedpred.simulation.arrangements import Arrangement, arrangements, parse_layouts, simulate_arrangement
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.settings import SimulationSettings, SocialForceSettings, social_force_settings
 from pedpred.storage.scenes import write_scene
 from pedpred.workers import in_parallel
+from stages.sets import SetTracking
 
 LAYOUTS = Path(__file__).resolve().parents[1] / "conf/layouts"
 """Drawn rooms, a file each, which are no parameters: a room is another one or it is not."""
-
-
-@dataclass(frozen=True)
-class SetTracking(Settings):
-    """What a row of simulations or places holds besides: how its scenes are seen and learned from.
-
-    Attributes:
-        social_force: row of social_forces: walking of its people, or of the forecasters that simulate them.
-        tracker: row of trackers: of its people.
-        sensor: row of sensors: that detects them.
-        phase_offsets: step sequences per track, see `pedpred.features.extract_blocks`.
-        variants: altered copies of each scene to learn from.
-    """
-
-    social_force: str
-    tracker: str
-    sensor: str
-    phase_offsets: Annotated[int, In("[1, 100]")]
-    variants: tuple[str, ...]
 
 
 def read_layouts(names: Iterable[str]) -> dict[str, Any]:

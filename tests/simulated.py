@@ -12,7 +12,7 @@ from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import Layout, TargetPool, layout_from
 from pedpred.simulation.settings import SimulationSettings, social_force_settings
 from pedpred.simulation.worlds import DRAWN_KINDS, SensingSettings, WorldSettings
-from stages.simulate import SetTracking
+from stages.sets import SetTracking
 
 CONF = Path(__file__).parents[1] / "conf"
 

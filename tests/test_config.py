@@ -208,7 +208,7 @@ def test_a_stage_is_told_its_name_by_its_command():
 @pytest.mark.parametrize(
     ("address", "message"),
     [
-        *((name, f"'DVC_STAGE' = '{name}': dvc.yaml has no such stage; there are plain, ") for name in UNKNOWN),
+        *((name, f"'DVC_STAGE' = '{name}': dvc.yaml has no such stage; there are plain") for name in UNKNOWN),
         ("missing", r"'scenes\.zara' = None: dvc\.yaml declares it"),
     ],
 )

@@ -44,6 +44,7 @@ NOT_RUN = {
     "make setup": "installs packages; every continuous integration begins with it",
     "make smoke": "runs the pipeline for minutes; continuous integration does",
     "make reproduce": "runs the pipeline for an hour or more",
+    "make studies": "likewise",
     "make judge": "measures speed and laws for minutes; test_judge.py runs its parts",
     "make release": "likewise",
     "python -m tools.judge": "likewise",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from zstandard import ZstdDecompressor
 
-from pedpred.errors import InputError, shape_error
+from pedpred.errors import InputError, ValueRuleError
 
 _STORED = re.compile(r"\.(mcap|db3)(\.zstd|\.zst)?$")
 _SINGLE = re.compile(r"\.(mcap|db3|bag|bag\.active)(\.zstd|\.zst)?$")
@@ -43,7 +43,15 @@ def open_files(path: Path) -> Iterator[list[tuple[Path, Path]]]:
     if not files:
         raise InputError(path, None, "it contains no .mcap and no .db3 file", "Name the folder of a bag")
     with tempfile.TemporaryDirectory(prefix="pedpred-bag-") as scratch:
-        yield [(file, _unpacked(file, Path(scratch, f"{number}"))) for number, file in enumerate(files)]
+        stored = []
+        for number, file in enumerate(files):
+            plain = file
+            if _is_packed(file):
+                plain = Path(scratch, f"{number}")
+                with plain.open("wb") as target:
+                    target.writelines(_unpacked_blocks(file))
+            stored.append((file, plain))
+        yield stored
 
 
 def _files_in(folder: Path) -> list[Path]:
@@ -60,19 +68,20 @@ def _texts_and_numbers(name: str) -> list[tuple[str, int]]:
     return [(text, int(number or 0)) for text, number in re.findall(r"(\D+)(\d*)", f"_{name}")]
 
 
-def _unpacked(file: Path, target: Path) -> Path:
-    """A file, or the target, to which it is unpacked if it is compressed."""
-    with file.open("rb") as packed:
-        if packed.read(len(_ZSTD_MAGIC)) != _ZSTD_MAGIC:
-            return file
-        packed.seek(0)
-        most, size = max(_LARGEST_BYTES, _LARGEST_RATIO * file.stat().st_size), 0
-        with (
-            ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream,
-            target.open("wb") as plain,
-        ):
-            while block := stream.read(_BLOCK_BYTES):
-                size += plain.write(block)
-                if size > most:
-                    raise shape_error("file", (size,), f"at most {most} bytes when unpacked")
-    return target
+def _is_packed(file: Path) -> bool:
+    with file.open("rb") as begin:
+        return begin.read(len(_ZSTD_MAGIC)) == _ZSTD_MAGIC
+
+
+def _unpacked_blocks(file: Path) -> Iterator[bytes]:
+    """The content of a compressed file, within the limits."""
+    most, size = max(_LARGEST_BYTES, _LARGEST_RATIO * file.stat().st_size), 0
+    with (
+        file.open("rb") as packed,
+        ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream,
+    ):
+        while block := stream.read(_BLOCK_BYTES):
+            size += len(block)
+            if size > most:
+                raise ValueRuleError("size", size, f"it may be {most} bytes when unpacked")
+            yield block
