@@ -13,28 +13,22 @@ from pedpred.errors import brief
 _MOST_NODES = 2**15
 
 
-def parse_json(raw: bytes | str, missing: bool = False) -> Any:
+def parse_json(raw: bytes | str) -> Any:
     """Parse JSON in the strict sense: no NaN or Infinity, no key twice.
 
     Args:
         raw: the text.
-        missing: NaN is allowed, and becomes None.
 
     Raises:
         ValueError: it is not such JSON.
         RecursionError: it is nested too deeply.
     """
     text = raw if isinstance(raw, str) else raw.decode(json.detect_encoding(raw))
-    return (_JSON_WITH_NAN if missing else _JSON).decode(text)
+    return _JSON.decode(text)
 
 
 def _no_number(name: str) -> None:
     raise ValueError(f"{name} is not a number")
-
-
-def _none_if_nan(name: str) -> None:
-    if name != "NaN":
-        _no_number(name)
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -50,7 +44,6 @@ def _check_keys(keys: list[str]) -> None:
 
 
 _JSON = json.JSONDecoder(parse_constant=_no_number, object_pairs_hook=_object)
-_JSON_WITH_NAN = json.JSONDecoder(parse_constant=_none_if_nan, object_pairs_hook=_object)
 
 
 def parse_yaml(raw: bytes | str) -> Any:

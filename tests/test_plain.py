@@ -109,12 +109,6 @@ def test_json_outside_the_standard_is_refused_by_file(text, tmp_path):
     assert len(str(refused.value)) < LONGEST
 
 
-def test_nan_is_none_where_it_may_be_missing():
-    assert parse_json("[NaN, 1.5]", missing=True) == [None, 1.5]
-    with pytest.raises(ValueError, match="Infinity"):
-        parse_json("[Infinity]", missing=True)
-
-
 @pytest.mark.parametrize("field", ["name", "detection_dt_s", "homography"])
 def test_an_odd_value_of_a_scene_is_read_or_refused_by_file(field, tmp_path):
     write_scene(place(), tmp_path)

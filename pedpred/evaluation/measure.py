@@ -42,8 +42,7 @@ def measure(
 
     Raises:
         ValueRuleError: a window has no forecast, or one that some metrics could not measure; or forecasts are
-            those of other instants or in another frame.
-        ValueRuleError: there are more or fewer forecasts or steps than were asked for.
+            those of other instants or in another frame, or more or fewer than were asked for.
 
     Returns:
         The scores of each method.
