@@ -1,23 +1,18 @@
 """Feature shards: a disk round trip changes nothing; damage is named."""
 
 import json
-import re
 import weakref
 
-import matplotlib
-import matplotlib.pyplot
 import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from PIL import Image
 
 from pedpred.datasets.rows import load_rows
 from pedpred.errors import InputError
 from pedpred.features import ForecastProtocol, extract_blocks
 from pedpred.models.features import RowFormat
-from pedpred.models.lstm.features.grids import unpack_crops
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.rows.files import (
     SCHEMA,
@@ -34,7 +29,6 @@ from pedpred.rows.files import (
 )
 from pedpred.storage.columns import read_columns, write_blocks
 from pedpred.storage.scenes import write_scene
-from tests.conftest import ROOT
 from tests.exported import LSTM_ROWS
 from tests.worlds import extract, tracked, walled_scene
 
@@ -237,19 +231,3 @@ def test_embeddings_of_other_rows_are_refused(folder, table):
     data = load_rows({"a": folder}, {"a": folder / "embeddings"})
     assert len(data.spans) == 3 * len(np.unique(table.track_id))
     assert set(data.spans.track) == set(table.track_id)
-
-
-def test_the_example_on_the_page_draws_both_grids(table, tmp_path, monkeypatch):
-    matplotlib.use("Agg")
-    write_steps([table], tmp_path / "data/rows/lstm/real/eth", "eth")
-    monkeypatch.chdir(tmp_path)
-    examples = re.findall(r"```python\n(.*?)```", (ROOT / "docs/ablations.md").read_text(), re.DOTALL)
-    (example,) = (code for code in examples if "read_parquet" in code)
-    names: dict = {}
-    exec(example, names)
-    drawn = names["row"]
-    expected = unpack_crops(table.inputs["occupancy"][drawn.name : drawn.name + 1], 60)[0]
-    np.testing.assert_array_equal(names["grid"], expected)
-    with Image.open("inputs.png") as picture:
-        assert len(picture.convert("L").getcolors()) > 2
-    matplotlib.pyplot.close("all")

@@ -7,7 +7,7 @@ import pytest
 
 from tests.conftest import ROOT
 
-PAGES = ("index.html", "recordings.html", "robot.html", "results.html", "data/eth.html", "api/online.html")
+PAGES = ("index.html", "recordings.html", "robot.html", "results.html", "data/real.html", "api/index.html")
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""The pages of guarantees name tests that exist, and dependencies are those that are declared."""
+"""The page of guarantees names tests that exist, and dependencies are those that are declared."""
 
 import ast
 import re
@@ -7,7 +7,7 @@ import pytest
 
 from tests.conftest import ROOT
 
-PAGE = "\n".join((ROOT / "docs" / name).read_text() for name in ("guarantees.md", "guarantees_files.md"))
+PAGE = (ROOT / "docs/guarantees.md").read_text()
 NAMED = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", PAGE)
 PROMISES = re.findall(r"^\* \*\*.*?(?=^\* |^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)
 
