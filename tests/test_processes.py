@@ -97,12 +97,6 @@ def test_bfloat16_products_change_a_loss_by_rounding_only(narrow_lstm):
     assert losses[1] == pytest.approx(losses[0], rel=2e-2)
 
 
-def test_a_data_set_moves_as_a_whole():
-    data = toy_data(np.random.default_rng(0)).to(torch.device("meta"))
-    tensors = [*data.channels.values(), data.future, data.future_steps]
-    assert {tensor.device.type for tensor in tensors} == {"meta"}
-
-
 def test_a_training_step_stays_on_its_device():
     """A step makes no tensor elsewhere and reads no value: on the device "meta", both would fail."""
     far = DistributedContext(torch.device("meta"))
