@@ -11,7 +11,7 @@ from pedpred.driving.course import course_to, route, walls_of
 from pedpred.driving.crowds import RecordedPeople, ReplayedCrowd
 from pedpred.driving.episodes import DriveSettings, Episode, EpisodeSettings, Place, draw_episode
 from pedpred.driving.forecasters import METHODS, NAMES, TRUTH, forecaster_of
-from pedpred.driving.loop import Drive, drive
+from pedpred.driving.loop import drive
 from pedpred.driving.measures import find_contacts, measure
 from pedpred.driving.risk import contact_m, overlap
 from pedpred.driving.robot import KINDS, Robot, advance
@@ -72,37 +72,6 @@ def kind_of(name):
 
 
 # Contacts
-
-
-def drive_of(robot, people, there_s=10.0):
-    robot, people = np.array(robot, float), np.array(people, float)
-    state = np.concatenate([robot, np.zeros((len(robot), 3))], axis=1)
-    return Drive(state, people, np.full(people.shape[:2], there_s), DT_S, True, np.zeros(len(robot) - 1))
-
-
-@given(st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=50)
-def test_a_robot_that_stands_is_never_at_fault(seed):
-    rng = np.random.default_rng(seed)
-    people = rng.uniform(-2, 2, (1, 8, 2)) + np.cumsum(rng.normal(0, 0.1, (50, 8, 2)), axis=0)
-    found = find_contacts(drive_of(np.zeros((50, 2)), people), 0.3)
-    assert not found.fault.any()
-
-
-@given(st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=50)
-def test_contacts_are_those_of_a_fine_clock(seed):
-    rng = np.random.default_rng(seed)
-    robot, people = np.cumsum(rng.normal(0, 0.3, (30, 2)), 0), np.cumsum(rng.normal(0, 0.3, (30, 3, 2)), 0)
-    found = find_contacts(drive_of(robot, people), 0.3)
-    fine = np.linspace(0, 29, 29 * 400 + 1)
-    low = np.minimum(fine.astype(int), 28)
-    share = (fine - low)[:, None, None]
-    between = people - robot[:, None]
-    near = np.hypot(*np.moveaxis((1 - share) * between[low] + share * between[low + 1], -1, 0)) < REACH_M
-    began, _ = np.nonzero(near[1:] & ~near[:-1])
-    for time_s in fine[began + 1] * DT_S:
-        assert np.abs(found.time_s - time_s).min() < DT_S / 200
 
 
 # Risk

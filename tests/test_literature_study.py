@@ -13,8 +13,6 @@ from omegaconf import OmegaConf
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.command import field_protocol
 from pedpred.errors import ConfigError
-from pedpred.evaluation import MetricSettings, measure
-from pedpred.evaluation.measure import BEST_ADE
 from pedpred.evaluation.observed import find_observed_windows, training_rows
 from pedpred.evaluation.scores import Resampling, Scores, mean_scores, write_scores
 from pedpred.features.perception import Perception
@@ -29,7 +27,6 @@ from pedpred.report.results import results_frame
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
-from pedpred.training.sets import RealShare
 from stages.eth_ucy import comparison_of
 from stages.eth_ucy_gather import figures_of
 from tests.configuration import read
@@ -134,17 +131,6 @@ def seen_path(windows, w):
     return seen.position[rows[np.argsort(seen.time_s[rows])]]
 
 
-def test_people_beside_are_seen():
-    whole = crowd(3, people=8)
-    usual, seen = read_inputs(found(whole)), 0
-    for key, inputs in usual.items():
-        alone = read_inputs(found(whole.select(whole.track_id == key[0])))[key]
-        np.testing.assert_array_equal(alone["history"], inputs["history"])
-        assert not alone["neighbours"].any()
-        seen += inputs["neighbours"].any()
-    assert seen > len(usual) / 2
-
-
 @pytest.mark.parametrize(
     ("scene", "windows", "ade_m", "fde_m"),
     [
@@ -209,34 +195,6 @@ def test_paths_of_a_sure_forecast_are_its_modes():
     assert (away.min(axis=1) < 1e-6).all()
 
 
-def test_what_is_measured():
-    windows = found(crowd(1, people=12))
-
-    def fanned(request):
-        own = fan(len(request.rows), 3, 12)
-        return replace(own, path=own.path + request.asked.position[:, None, None], point=own.point)
-
-    def measured(forecaster):
-        return measure(windows, {"m": forecaster}, MetricSettings(), samples=20)["m"]
-
-    scores = measured(fanned)
-    assert (scores.values[BEST_ADE] <= scores.values["most_likely_ade_m"] + 0.2).all()
-    single = measured(PRESENT_MOTION["cv"]())
-    assert np.isnan(single.values[BEST_ADE]).all()
-
-    def one_mode(request):
-        own = fanned(request)
-        path, covariance = own.path[:, :1], own.covariance[:, :1]
-        return replace(
-            own, point=path[:, 0], path=path, weight=np.ones((len(path), 1)), covariance=covariance
-        )
-
-    spread = measured(one_mode)
-    assert (spread.values[BEST_ADE] < spread.values["ade_m"]).mean() > 0.9
-    both = mean_scores([scores, replace(scores, values={k: v + 1 for k, v in scores.values.items()})])
-    np.testing.assert_allclose(both.values["ade_m"], scores.values["ade_m"] + 0.5)
-
-
 def test_coverage_is_that_of_all_seeds(tmp_path, monkeypatch):
     """One network's regions hold every truth, the other's none: half, though the mean share is above 0.5."""
     monkeypatch.chdir(tmp_path)
@@ -256,14 +214,6 @@ def test_coverage_is_that_of_all_seeds(tmp_path, monkeypatch):
 
 def test_the_command_measures_the_windows_of_the_pipeline():
     assert (COMPARISON.protocol, COMPARISON.samples) == (field_protocol.WINDOWS, field_protocol.SAMPLES)
-
-
-def test_shares_follow_the_root_of_the_sizes():
-    shares = RealShare(real_share=0.6, size_exponent=0.5).mix(
-        {"room": 3.0, "square": 1.0}, {"eth": 100, "univ": 10000}
-    )
-    assert shares == pytest.approx({"room": 0.3, "square": 0.1, "eth": 0.6 / 11, "univ": 6 / 11})
-    assert PROTOCOL.protocol.horizon_steps == 12
 
 
 def test_no_fold_trains_on_what_it_tests():

@@ -19,8 +19,8 @@ from pedpred.online.replay import replay_scene
 from pedpred.tracking import KalmanBank
 from pedpred.training import train
 from tests.exported import LSTM_ROWS, TRACKER, train_on, write_model, write_network
-from tests.test_learning import QUICK, toy_data
 from tests.toys.architecture import ToySettings
+from tests.trainings import QUICK, toy_data
 from tests.worlds import walled_scene
 
 MADE_WITH = dataclasses.replace(LSTM_ROWS, protocol=ForecastProtocol(horizon_steps=4))

@@ -75,20 +75,6 @@ def test_a_robot_tracks_as_a_recording_is_tracked(noise_m, interval_s, seed):
             np.testing.assert_array_equal(getattr(robot._people, name), getattr(tracks, name)[rows], name)
 
 
-def test_one_filter_is_the_filter_itself():
-    seen = trajectories(*walkers(0.03))
-    alone, bank = (follow(seen, "kalman", kalman, STANDSTILL_MPS) for kalman in (OWN, KalmanBank((OWN,))))
-    for name, values in vars(alone).items():
-        np.testing.assert_array_equal(values, getattr(bank, name))
-
-
-def test_the_future_changes_nothing():
-    time_s, position = walkers(np.where(np.arange(60) < 30, 0.0, 0.1))
-    whole = follow(trajectories(time_s, position), "kalman", BANK, STANDSTILL_MPS)
-    half = follow(trajectories(time_s[:30], position[:30]), "kalman", BANK, STANDSTILL_MPS)
-    np.testing.assert_array_equal(whole.velocity[whole.time_s < time_s[30]], half.velocity)
-
-
 def test_a_change_of_the_noise_is_followed():
     noise_m = np.where(np.arange(120) < 60, 0.0, 0.1)
     weights = seen_by(OnlinePredictor.load(), *walkers(noise_m, seconds=48.0))

@@ -104,14 +104,6 @@ def test_people_who_leave_teach_nothing_in_the_end():
     np.testing.assert_allclose(place.regions.learned, 0.0, atol=1e-12)
 
 
-def test_forecasts_without_covariances_stay():
-    time_s, track_id, here, predictions = walks(np.random.default_rng(4), frames=40)
-    bare = Predictions.single(predictions.point, DT_S)
-    after = learned(bare, track_id, time_s, here, np.ones(len(here), bool))
-    np.testing.assert_array_equal(after.point, bare.point)
-    assert after.covariance is None
-
-
 def test_what_is_kept_does_not_grow():
     time_s, track_id, here, predictions = walks(np.random.default_rng(5), frames=300, people=30)
     place, sizes = place_of(Regions.initial(STEPS)), []
@@ -142,14 +134,6 @@ def shares_of_truth(predictions, truth):
     rows = np.arange(len(truth) // 2, len(truth))
     inside = share_inside(predictions.select(rows), truth[rows])
     return np.array([coverage(inside, share)[0] for share in REGIONS])
-
-
-def test_noise_of_detections_is_hardly_in_the_regions():
-    """At 10 Hz and 0.3 s ahead, with detections as noisy as forecasts are wrong: a fifth of it is left."""
-    time_s, track_id, detected, truth, right = noisy(7, 0.1, 0.05, 1200)
-    after = learned(right, track_id, time_s, detected, np.ones(len(truth), bool))
-    found = shares_of_truth(after, truth)
-    np.testing.assert_allclose(found, 1.0 - (1.0 - np.array(REGIONS)) ** 1.2, atol=0.02)
 
 
 @pytest.mark.parametrize("every_s", [0.1, 0.25, 0.4])

@@ -26,35 +26,6 @@ def crowd(rng, people=12, side_m=6.0):
     return Predictions(path[:, 0], path, weight, DT_S, spread), here
 
 
-def heading_on(path_weights):
-    """Two people who walk towards each other, straight or past on the own right."""
-    ahead = np.stack([np.arange(1, STEPS + 1) * 0.4, np.zeros(STEPS)], axis=-1)
-    aside = ahead - np.array([0.0, 0.8])
-    path = np.stack([[ahead, aside], [[5.0, 0.0] - ahead, [5.0, 0.0] - aside]])
-    predictions = Predictions(path[:, 0], path, np.array(path_weights), DT_S)
-    return choose_modes(predictions, np.array([[0.0, 0.0], [5.0, 0.0]]))
-
-
-@settings(max_examples=50, deadline=None)
-@given(seed=SEEDS)
-def test_modes_are_those_of_before_and_weights_sum_to_one(seed):
-    before, here = crowd(np.random.default_rng(seed))
-    after = choose_modes(before, here)
-    np.testing.assert_array_equal(after.point, before.point)
-    for one, other in zip(before.path, after.path, strict=True):
-        np.testing.assert_array_equal(*(p[np.lexsort(p[:, -1].T)] for p in (one, other)))
-    where = (after.path[:, :, None] == before.path[:, None]).all(axis=(3, 4)).argmax(axis=2)
-    kept = np.take_along_axis(before.covariance, where[..., None, None, None], axis=1)
-    np.testing.assert_array_equal(after.covariance, kept)
-
-
-def test_the_less_certain_person_makes_way():
-    after = heading_on([[0.9, 0.1], [0.55, 0.45]])
-    assert after.most_likely[0, -1, 1] == 0.0
-    assert after.most_likely[1, -1, 1] == 0.8
-    assert not too_close(after.most_likely, np.zeros(2), 0.2).any()
-
-
 def test_most_likely_paths_collide_less():
     rng = np.random.default_rng(0)
     parts = [crowd(rng) for _ in range(40)]

@@ -10,7 +10,6 @@ from pedpred.models.features import RowFormat
 from pedpred.rows.sampling import RowSampling, RowSettings
 from pedpred.rows.simulated import steps_of_world
 from pedpred.settings import load
-from pedpred.simulation.worlds.world import simulate_world
 from stages.perception import features_of, protocol_of
 from stages.worlds import worlds_of
 from tests.conftest import ROOT
@@ -54,36 +53,3 @@ def test_steps_of_a_track_follow_the_clock_of_the_protocol(education):
     dt_s = education[2].row_format.protocol.dt_s
     assert within.sum() > 100
     assert np.allclose(np.diff(time_s)[within] / dt_s, np.round(np.diff(time_s)[within] / dt_s), atol=1e-6)
-
-
-def test_targets_are_the_true_paths_whatever_the_sensor_adds(education):
-    """Somebody seen with 10 cm of noise goes where the same person goes who is seen exactly."""
-    quiet = {
-        "noisy_share": 0.0,
-        "sway_share": 0.0,
-        "drift_share": 0.0,
-        "drop_out_share": 0.0,
-        "late_share": 0.0,
-    }
-    quiet |= {"jitter_share": 0.0, "quantum_share": 0.0, "switch_share": 0.0, "rates_hz": (10.0,)}
-    blocks = steps(education, "lone", **quiet)
-    scene = simulate_world("lone", 0, education[0])
-    known = {
-        (int(track), round(float(now), 1)): place
-        for track, now, place in zip(
-            scene.trajectories.track_id, scene.trajectories.time_s, scene.trajectories.position, strict=True
-        )
-    }
-    position, heading = column(blocks, "position"), column(blocks, "heading_rad")
-    future, ahead = column(blocks, "future").astype(float), column(blocks, "future_steps")
-    checked = 0
-    for row in np.flatnonzero(ahead == 10)[::7]:
-        turn = np.array(
-            [[np.cos(heading[row]), -np.sin(heading[row])], [np.sin(heading[row]), np.cos(heading[row])]]
-        )
-        end = position[row] + 0.3 * (future[row] @ turn.T).sum(axis=0)
-        now = float(column(blocks, "time_s")[row]) + 3.0
-        near = [place for (_, at), place in known.items() if abs(at - now) < 0.051]
-        assert min(np.linalg.norm(np.array(near) - end, axis=1)) < 0.15
-        checked += 1
-    assert checked > 5

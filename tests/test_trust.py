@@ -1,13 +1,11 @@
 """Trust in a network beside straight lines: what is learned, from what, and what stays."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.forecasting.trust import Trust, best_weights
+from pedpred.forecasting.trust import Trust
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.replay import replay_scene
 from pedpred.scenes import Predictions
@@ -52,23 +50,6 @@ def learned(*rows):
 
 def errors_m(forecasts, truth, rows):
     return np.linalg.norm(forecasts.point - truth, axis=-1)[rows].mean()
-
-
-@given(
-    st.lists(st.floats(-3, 3), min_size=4, max_size=4), st.tuples(st.floats(-5, 5), st.floats(-5, 5)), SEEDS
-)
-def test_no_shares_are_better_than_the_best(root, errors, seed):
-    root = np.reshape(root, (2, 2))
-    products, errors = root @ root.T, np.array(errors)
-    best = best_weights(products, errors)
-    assert (best >= 0).all()
-    assert best.sum() <= 1 + 1e-12
-    others = np.random.default_rng(seed).dirichlet(np.ones(3), 200)[:, :2]
-
-    def loss(w):
-        return 0.5 * np.einsum("...i,ij,...j->...", w, products, w) - w @ errors
-
-    assert loss(best) <= loss(others).min() + 1e-9
 
 
 @settings(max_examples=10, deadline=None)
@@ -131,14 +112,6 @@ def test_who_turns_is_forecast_by_the_network(seed, turn):
     assert np.linalg.norm(after.point - truth, axis=-1)[sharp].max() < 0.8
 
 
-@settings(max_examples=10, deadline=None)
-@given(SEEDS)
-def test_equal_paths_change_nothing(seed):
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 60, wrong_m=0.0)
-    after = learned(person, time_s, detection, seen, forecasts)
-    np.testing.assert_allclose(after.point, forecasts.point, atol=1e-5)
-
-
 @settings(max_examples=5, deadline=None)
 @given(seed=SEEDS)
 def test_a_person_changes_no_forecast_of_who_is_there(seed):
@@ -176,17 +149,6 @@ def test_nothing_is_learned_from_the_future(seed, cut):
     np.testing.assert_array_equal(part.point, whole.point[first])
     np.testing.assert_array_equal(part.path, whole.path[first])
     assert (whole.point != forecasts.point).any()
-
-
-@settings(max_examples=5, deadline=None)
-@given(seed=SEEDS, turn=st.floats(-np.pi, np.pi))
-def test_forecasts_turn_with_the_world(seed, turn):
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), 60, noise_m=0.02)
-    turned = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-    there = replace(forecasts, point=forecasts.point @ turned, path=forecasts.path @ turned)
-    after = learned(person, time_s, detection, seen, forecasts)
-    other = learned(person, time_s, detection @ turned, seen, there)
-    np.testing.assert_allclose(other.point, after.point @ turned, atol=1e-6)
 
 
 def test_what_is_kept_does_not_grow():
