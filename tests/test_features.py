@@ -94,7 +94,7 @@ def test_no_input_depends_on_a_later_detection(name, seed, now):
     assert_same_inputs(before, after, now)
 
 
-@pytest.mark.parametrize("place", [EXCERPT, "eth", "hotel"])
+@pytest.mark.parametrize("place", [EXCERPT, "eth"])
 def test_no_input_depends_on_a_later_real_annotation(place):
     scene = minute_of(place)
     source = SOURCES["annotations"]

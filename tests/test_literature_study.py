@@ -147,14 +147,6 @@ def test_covering_paths_leave_less_uncovered_than_draws():
     assert uncovered(paths) < 0.9 * uncovered(draws)
 
 
-def test_paths_of_a_sure_forecast_are_its_modes():
-    forecast = fan(rows=2, modes=2)
-    sure = replace(forecast, covariance=1e-18 * np.tile(np.eye(2), (2, 2, 5, 1, 1)))
-    away = np.linalg.norm(covering_paths(sure)[:, :, None] - sure.path[:, None], axis=-1).max(axis=-1)
-    assert (away.min(axis=2) < 1e-6).all()
-    assert (away.min(axis=1) < 1e-6).all()
-
-
 def test_coverage_is_that_of_all_seeds(tmp_path, monkeypatch):
     """One network's regions hold every truth, the other's none: half, though the mean share is above 0.5."""
     monkeypatch.chdir(tmp_path)

@@ -51,7 +51,7 @@ def test_a_network_that_cannot_be_traced_is_refused(network, tmp_path, monkeypat
         return known | {"path": torch.stack([first, fixed], dim=-3)}
 
     monkeypatch.setattr(type(network), "decode", decode)
-    with pytest.raises(ValueRuleError, match="other numbers of people"):
+    with pytest.raises(ValueRuleError):
         write_model(tmp_path, network, GridEncoder(60), MADE_WITH)
     assert not (tmp_path / "network.onnx").exists()
 

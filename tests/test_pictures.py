@@ -2,12 +2,10 @@
 
 import dataclasses
 import io
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from matplotlib.figure import Figure
 from PIL import Image
 
 from pedpred.geometry import Homography, rotate
@@ -17,16 +15,14 @@ from pedpred.models.lstm.features.grids import occupancy_crops
 from pedpred.report.canvas import avif_bytes, png_bytes
 from pedpred.report.gallery import draw_gallery
 from pedpred.report.gather import Evaluated
-from pedpred.report.instants import RULES, Instant, choose, depth_m
+from pedpred.report.instants import RULES, choose, depth_m
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turn_points
-from pedpred.report.reconstructions import choose_evenly
 from pedpred.report.regions import ellipse_outline, region_outlines
-from pedpred.report.scene_picture import scene_picture
 from pedpred.report.snapshots import grid_image
 from pedpred.report.walls import RANKS, wall_windows
 from pedpred.scenes import Camera, OccupancyMap, Predictions, Scene, Trajectories
 from tests.forecasts import METHODS, windows_with
-from tests.reports import MEETING, STEPS, curves, metrics_of, planned, result_of, room
+from tests.reports import MEETING, curves, metrics_of, planned, result_of, room
 
 # Instants are chosen by rules
 
@@ -146,18 +142,6 @@ def test_an_obstacle_ahead_is_drawn_above_and_left_is_left(heading_rad, place, r
     np.testing.assert_allclose(drawn, (row, column), atol=1.5)
 
 
-def test_modes_of_the_person_in_focus_are_wider_if_likelier():
-    paths = np.array([[[[1.0, 0.0]] * STEPS, [[0.0, 1.0]] * STEPS]] * 2)
-    two = Predictions(paths[:, 0], paths, np.array([[0.7, 0.3]] * 2), 0.3)
-    windows = windows_with(np.zeros((2, 2)), paths[:, 0], {"lstm": paths[:, 0]})
-    windows = replace(windows, predictions={"lstm": two})
-    axes = Figure().add_subplot()
-    scene_picture(axes, room(), Instant.of("hall", windows, 0), windows, [METHODS["lstm"]])
-    modes = [line for line in axes.lines if line.get_alpha()]
-    assert [line.get_xydata()[-1].tolist() for line in modes] == [[1.0, 0.0], [0.0, 1.0]]
-    assert modes[0].get_linewidth() ** 2 / modes[1].get_linewidth() ** 2 == pytest.approx(0.7 / 0.3)
-
-
 def gaussians(apart_m, weight=(0.6, 0.4)):
     """Two round modes of 1 m spread, one step ahead of one person."""
     path = np.array([[[[0.0, 0.0]], [[apart_m, 0.0]]]])
@@ -261,12 +245,3 @@ def test_instants_need_the_main_method_and_motion(lack):
     sections = {section.title: section for section in draw_gallery(evaluated, METHODS)}
     assert "Instants, chosen by rule" not in sections
     assert next(iter(sections)) == "Error over the horizon"
-
-
-def test_crops_are_chosen_at_even_ranks_of_occupied_share():
-    shares = np.random.default_rng(0).permutation(101) + 71  # 72 cells are a fiftieth
-    packed = np.packbits(np.arange(3600) < shares[:, None], axis=1, bitorder="little")
-    scenes = {"hall": windows_with(np.zeros((101, 2)), np.zeros((101, 0, 2)), {}, packed_grid=packed)}
-    assert choose_evenly(scenes, 4).sum(axis=(1, 2)).tolist() == [72, 105, 138, 171]
-    assert len(choose_evenly(scenes, 999)) == 100
-    assert len(choose_evenly({}, 4)) == 0

@@ -79,13 +79,6 @@ def test_parts_belong_to_the_longest_name_that_fits():
 # Methods
 
 
-def test_methods_keep_order_and_colour():
-    assert METHODS.ordered(["zebra", "lstm", "cv", "aaa"]) == ["cv", "lstm", "aaa", "zebra"]
-    assert (METHODS["zebra"].label, METHODS["zebra"].role) == ("zebra", "other")
-    for shown in ("colour", "label"):
-        assert len({getattr(method, shown) for method in METHODS}) == len(METHODS.rows)
-
-
 def test_methods_refer_to_methods_of_the_right_kind():
     ((part, whole),) = METHODS.ablations
     assert (part.role, whole.role) == ("ablation", "network")

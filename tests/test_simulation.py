@@ -86,13 +86,6 @@ def test_a_target_in_an_enclosed_corner_is_moved():
     assert 0.3 < np.linalg.norm(routes.target[0] - inside) < 1.0
 
 
-def test_desired_speeds_are_truncated():
-    speeds = draw_desired_speeds(2000, SETTINGS.crowd, np.random.default_rng(0))
-    least, most = SETTINGS.crowd.speed_range_mps
-    assert least <= speeds.min() < speeds.max() <= most
-    assert speeds.mean() == pytest.approx(1.34, abs=0.03)
-
-
 def test_plans_go_to_another_region_far_enough():
     targets = pool([0.0, 0.0], [1.0, 0.0], [12.0, 0.0])
     plans = draw_visiting_plans(targets, 5, 50, 10.0, np.random.default_rng(0))
@@ -103,13 +96,13 @@ def test_plans_go_to_another_region_far_enough():
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        ("clock.record_s", 0.32), ("clock.noise_hold_s", 0.01), ("clock.step_s", 0.15),
-        ("forces.relaxation_time_s", 0.04), ("crowd.speed_range_mps", [1.34, 1.34]),
-        ("crowd.speed_range_mps", [2.0, 3.0]), ("crowd.mean_speed_mps", -1.0), ("crowd.targets", 2.5),
-        ("forces.sight_half_angle_deg", 200.0), ("forces.unseen_weight", 1.5), ("routing.narrow_m", 0.9),
-        ("routing.slowest", 0.0), ("clock.magic", 1.0),
+        ("clock.record_s", 0.32),
+        ("clock.noise_hold_s", 0.01),
+        ("forces.relaxation_time_s", 0.04),
+        ("crowd.speed_range_mps", [2.0, 3.0]),
+        ("routing.narrow_m", 0.9),
     ],
-)  # fmt: skip
-def test_settings_out_of_range_are_named(path, value):
+)
+def test_settings_that_contradict_each_other_are_named(path, value):
     with refused(path):
         social_force_settings(with_field(path, value))

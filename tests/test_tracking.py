@@ -40,8 +40,7 @@ def test_tuning_finds_the_noise_that_was_put_in():
         assert log_likelihood(trajectories, found, ahead) > log_likelihood(trajectories, SETTINGS, ahead)
 
 
-@pytest.mark.parametrize("speed_mps", [0.0, 1.0])
-@pytest.mark.parametrize("turn_radps", [0.0, 0.5])
+@pytest.mark.parametrize(("speed_mps", "turn_radps"), [(0.0, 0.0), (1.0, 0.0), (1.0, 0.5)])
 def test_tuning_ends_where_there_is_no_noise(speed_mps, turn_radps):
     time_s, track_id = np.tile(np.arange(20) * 0.4, 5), np.repeat(np.arange(5), 20)
     angle = turn_radps * time_s + track_id

@@ -46,12 +46,11 @@ def without(scene, gone):
     return dataclasses.replace(scene, trajectories=scene.trajectories.select(~gone))
 
 
-@pytest.mark.parametrize("of_each", ["frame", "detection"])
-def test_jittered_detections_keep_their_windows(model, of_each):
+def test_jittered_detections_keep_their_windows(model):
     folder, network, encoder = model
     on_clock = walked(0.3)
     rare = walked(1 / 2.4)
-    noisy = jittered(rare, 0.02, np.random.default_rng(0), of_each)
+    noisy = jittered(rare, 0.02, np.random.default_rng(0), "detection")
     for scene in (on_clock, rare, noisy):
         windows = windows_of(scene)
         request = windows.request
@@ -71,11 +70,10 @@ def test_a_recording_slower_than_truth_allows_is_refused():
     assert len(asked(walked(0.8), ForecastProtocol(truth_gap_s=1.0)).rows) > 50
 
 
-@pytest.mark.parametrize("of_each", ["frame", "detection"])
-def test_everybody_moves_along_once_at_every_instant(of_each):
+def test_everybody_moves_along_once_at_every_instant():
     """With a time stamp for each detection, all others are extrapolated, not forgotten."""
     scene = walked(0.4)
-    request = asked(jittered(scene, 0.02, np.random.default_rng(1), of_each))
+    request = asked(jittered(scene, 0.02, np.random.default_rng(1), "detection"))
     people, answers = people_present(request)
     seen, own = request.asked, np.unique(request.asked.time_s)
     for name in ("track_id", "time_s", "position"):
@@ -96,8 +94,3 @@ def test_an_empty_recording_is_perceived(sizes, sensor):
     how = Perception(TRACKER, 0.2, sensor)
     request = request_about(nobody, how, sizes, nobody.trajectories, memory=True)
     assert len(request.table) == len(request.steps) == len(request.rows) == 0
-
-
-def test_a_recurrent_forecaster_without_steps_says_so(model):
-    with pytest.raises(ValueRuleError):
-        forecaster_of(*model[1:])(dataclasses.replace(asked(walked(0.4)), clock=None))
