@@ -12,12 +12,12 @@ from pedpred.rows.simulated import (
     rows_of_scene,
     rows_of_world,
     select_true_states,
+    steps_of_world,
 )
 from pedpred.settings import load
 from pedpred.simulation.worlds import simulate_world
 from pedpred.simulation.worlds.views import Area
-from pedpred.tracking import KalmanSettings
-from tests.exported import MIXTURE_ROWS, widths_of
+from tests.exported import LSTM_ROWS, MIXTURE_ROWS, widths_of
 from tests.simulated import SENSING, read, short_worlds
 from tests.worlds import walled_scene
 
@@ -26,10 +26,8 @@ ROWS = load(RowSettings, CONF["rows"])
 WORLDS = short_worlds(12.0, warm_up_s=5.0)
 PROTOCOL = MIXTURE_ROWS.protocol
 SAMPLING = RowSampling(ROWS, MIXTURE_ROWS, 0.2)
-UNMOVED = replace(SAMPLING, rows=replace(ROWS, shifted_share=0.0))
 CORRIDOR = SimulatedSet("corridor", "", 2, 60, 30, 1.0)
 VIEWINGS = ViewingSettings(3, 50, 0.5, (1.0, 0.5), (0.0, 0.02), (0.0,))
-KALMAN = KalmanSettings(0.1, 0.05)
 
 
 def assert_equal(rows, others):
@@ -74,3 +72,19 @@ def test_viewings_differ_and_repeat(rate_hz):
     assert all(0 < len(rows["future"]) <= 50 for rows in views)
     assert not np.array_equal(views[0]["history"], views[1]["history"])
     assert_equal(views[2], rows_of_viewing(2, scene, rate_hz, VIEWINGS, SAMPLING))
+
+
+# Step sequences of recurrent networks
+
+
+@pytest.mark.parametrize("kind", ["corridor", "lone"])
+def test_the_same_world_gives_the_same_steps_on_the_clock(kind):
+    sampling = RowSampling(ROWS, LSTM_ROWS, 0.2)
+    first, second = (list(steps_of_world(kind, 0, WORLDS, SENSING, sampling)) for _ in range(2))
+    found = {}
+    for name in ("track_id", "time_s", "position", "velocity", "future"):
+        found[name], again = (np.concatenate([getattr(b, name) for b in own]) for own in (first, second))
+        assert found[name].tobytes() == again.tobytes()
+    passed = np.diff(found["time_s"])[np.diff(found["track_id"]) == 0] / LSTM_ROWS.protocol.dt_s
+    assert len(passed) > 30
+    np.testing.assert_allclose(passed, np.round(passed), atol=1e-5)
