@@ -115,7 +115,7 @@ LONGEST = [
     "pipeline", "page_commands", "own_place", "adding_things", "broken_streams", "driving_study",
     "compile_cache", "package", "machines", "ablation", "worlds", "warm_up", "processes", "site",
     "formats", "laws", "config", "page", "house", "folds", "evaluate", "compiled", "driving",
-    "evaluation_memory", "mixture",
+    "evaluation_memory",
 ]  # fmt: skip
 """Modules that take longest; what waits much is first."""
 

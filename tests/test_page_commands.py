@@ -66,7 +66,7 @@ NOT_RUN = {
     "python -m stages.ingest": "needs the rows on its page; test_own_place.py runs it there",
     "python -m stages.evaluate": "likewise",
     "python -m stages.gather": "likewise",
-    "python -m stages.train": "needs the rows of a run; test_instant_training.py trains on some",
+    "python -m stages.train": "needs the rows of a run; test_learning.py trains on some",
     "python -m stages.export": "needs a trained network; tests/exported.py exports some",
     "pedpred evaluate data/scenes": "needs the scenes of a run; test_evaluate.py evaluates others",
     "torchrun": "needs the features of a run; test_processes.py trains with two processes",

@@ -1,6 +1,5 @@
 """Training on several processes and devices: the same training as on one."""
 
-import dataclasses
 import multiprocessing
 import os
 import socket
@@ -12,14 +11,11 @@ import torch
 from safetensors.torch import load_file
 
 from pedpred.training import train as train_learner
-from pedpred.training.augmentation import Augmentation
 from pedpred.training.distributed import ALONE, DistributedContext, distributed_context
 from pedpred.training.loop import train_step
 from tests.exported import train_on
 from tests.refused import refused
-from tests.test_learning import QUICK, SMALL, WIDTHS, toy_data
-
-VARIED = dataclasses.replace(QUICK, augmentation=Augmentation(0.5, (0.8, 1.2), 0.1, 0.2, 0.2))
+from tests.trainings import SMALL, VARIED, WIDTHS, toy_data
 
 
 def train(here, folder):
