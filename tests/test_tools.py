@@ -3,7 +3,6 @@
 import argparse
 import importlib
 import runpy
-import subprocess
 import sys
 from functools import partial
 from pathlib import Path
@@ -13,13 +12,9 @@ import pandas as pd
 import pytest
 
 from benchmarks import robustness, tables
-from benchmarks.ros import end
-from benchmarks.train import cases
 from pedpred.errors import InputError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.scenes import write_scene
-from pedpred.training.distributed import ALONE
-from pedpred.training.loop import train_step
 from tests.conftest import ROOT
 from tools import arguments
 from tools.checksums import checksums
@@ -110,29 +105,6 @@ def test_recordings_are_places_with_people_or_files(tmp_path, monkeypatch):
 
 
 # Benchmarks
-
-
-def test_processes_that_ignore_a_request_to_end_are_killed():
-    waits = "import signal, time; print(flush=True); time.sleep(60)"
-    deaf = waits.replace(";", "; signal.signal(signal.SIGTERM, signal.SIG_IGN);", 1)
-    started = [subprocess.Popen([sys.executable, "-c", each], stdout=-1) for each in (waits, deaf)]
-    for process in started:
-        process.stdout.readline()
-    end(started, 0.5)
-    for process in started:
-        process.stdout.close()
-    assert [process.poll() for process in started] == [-15, -9]
-
-
-@pytest.mark.parametrize("name", ["lstm_nogrid", "mixture_small"])
-def test_measured_step_is_one_of_the_training(name):
-    case = cases()[name](ALONE)
-    batch = next(case.learner.batches(0))
-    before = [p.clone() for p in case.learner.network.parameters()]
-    case.load(batch)
-    train_step(case.learner, batch, 0)
-    after = case.learner.network.parameters()
-    assert any(not old.equal(new) for old, new in zip(before, after, strict=True))
 
 
 def test_table_is_written_between_its_marks(tmp_path):
