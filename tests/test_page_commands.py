@@ -2,6 +2,7 @@
 
 import functools
 import importlib
+import importlib.util
 import re
 import shlex
 import sys
@@ -90,6 +91,7 @@ def options_of(module):
 
 def check_module(module, given):
     """Overrides of stages, options of tools and points of ablations exist."""
+    assert importlib.util.find_spec(module)
     options = {word for word in given if word.startswith("--")}
     if module.startswith("stages."):
         source = (ROOT / f"{module.replace('.', '/')}.py").read_text()
