@@ -6,6 +6,7 @@ if in one of these ways their obstacles (outer walls left out) overlap by half, 
 """
 
 import numpy as np
+import pytest
 
 from pedpred.settings import load
 from pedpred.simulation.arrangements import rooms
@@ -60,6 +61,7 @@ def test_a_room_nearly_equals_itself_however_turned_and_lengthened():
     assert overlap([Layout((12.0, 9.0))], [Layout((12.0, 9.0))]) == 1.0
 
 
+@pytest.mark.slow
 def test_no_test_room_nearly_equals_a_training_room():
     layouts, rows = {name: drawn(name) for name in DRAWN}, read("simulations/rooms")
     made = {

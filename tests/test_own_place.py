@@ -42,6 +42,9 @@ SHOWN_S = {"crossing": 8.0, "simulated_corner": 16.0}
 ADDED = "+folds.real.trained={train: [real/crossing], test: []}"
 
 
+pytestmark = pytest.mark.slow
+
+
 @cache
 def configured(text):
     """A configuration as stages get it; to make it takes longer than many a stage."""

@@ -54,6 +54,7 @@ def provide(environment, groups):
                 (site / top).symlink_to(package.locate_file(top))
 
 
+@pytest.mark.slow
 def test_a_wheel_forecasts_in_an_empty_environment(tmp_path):
     source, empty = tmp_path / "source", tmp_path / "empty"
     run(ROOT / ".ci" / "copy", source, cwd=ROOT)
@@ -75,6 +76,7 @@ def test_a_wheel_forecasts_in_an_empty_environment(tmp_path):
     assert (tmp_path / "tracks_forecasts.mcap").read_bytes().startswith(b"\x89MCAP")
 
 
+@pytest.mark.slow
 def test_a_wheel_is_not_built_without_the_default_model(tmp_path):
     source = tmp_path / "source"
     run(ROOT / ".ci" / "copy", source, cwd=ROOT)

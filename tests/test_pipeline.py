@@ -40,7 +40,7 @@ for people in numbers:
 """
 SWEPT = "simulations.corridor.pedestrians"
 
-pytestmark = [pytest.mark.pipeline, pytest.mark.usefixtures("sweep")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("sweep")]
 
 QUICK = {"NUMBA_DISABLE_JIT": "1", "PEDPRED_JOBS": "1"}  # a second of simulation: no compilation
 
@@ -144,7 +144,7 @@ def test_a_stage_by_hand_writes_where_it_is_told_and_nowhere_else(project, by_ha
     assert run(project, "git", "status", "--short") == ""
 
 
-def test_a_second_clone_pulls_from_a_remote_and_recomputes_nothing(project, tmp_path):
+def test_second_clone_pulls_and_recomputes_nothing(project, tmp_path):
     remote, clone = tmp_path / "remote", tmp_path / "clone"
     run(project, "dvc", "remote", "add", "--default", "--local", "shelf", str(remote))
     run(project, "dvc", "push", TARGET)

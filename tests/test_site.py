@@ -18,6 +18,7 @@ def site(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_pages_fit_windows_and_are_searched_without_network(browser, site):
     page = browser.new_context(offline=True).new_page()
     problems = []
