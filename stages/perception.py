@@ -3,20 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
 from omegaconf import DictConfig
 
 from pedpred.config import configured, one_of, part, row
 from pedpred.errors import ConfigError
+from pedpred.evaluation.observed import WindowSettings
 from pedpred.features import ForecastProtocol, ModelFeatures
 from pedpred.features.perception import Following, Perception, parse_tracker
 from pedpred.models.features import parse_features
 from pedpred.scenes import VARIANTS
-from pedpred.settings import load, load_together
+from pedpred.settings import In, Settings, load, load_together
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.tracking import KalmanBank, KalmanSettings
+
+
+@dataclass(frozen=True)
+class Windows(Settings):
+    """What a protocol says of its windows.
+
+    Attributes:
+        observed_steps: annotations that are all that is known in a window; 0: everything earlier is known.
+    """
+
+    observed_steps: Annotated[int, In("[0, 10000]")] = 0
 
 
 def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, ForecastProtocol]:
@@ -34,8 +46,19 @@ def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, Fore
 def protocol_of(cfg: Mapping[str, Any]) -> tuple[ForecastProtocol, Following]:
     """Read what all forecasts have in common, and how people are followed."""
     with configured("protocol"):
-        protocol, how = load_together([ForecastProtocol, Following], part(cfg, "protocol"))
+        protocol, how, _ = load_together([ForecastProtocol, Following, Windows], part(cfg, "protocol"))
     return protocol, how
+
+
+def windows_of(cfg: Mapping[str, Any]) -> WindowSettings | None:
+    """Read the windows of a protocol that observes a number of annotations; None: it observes everything."""
+    (protocol, _), steps = protocol_of(cfg), cfg["protocol"].get("observed_steps", 0)
+    if not steps:
+        return None
+    with configured("protocol"):
+        return WindowSettings(
+            observed_steps=steps, predicted_steps=protocol.horizon_steps, step_s=protocol.dt_s
+        )
 
 
 def features_of(cfg: Mapping[str, Any], model: str) -> ModelFeatures:

@@ -6,16 +6,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import torch
 from omegaconf import DictConfig
 
-from pedpred.config import configured, one_of, part, stage, stage_key
+from pedpred.config import configured, one_of, part, row, stage, stage_key
 from pedpred.models.contract import NetworkSettings
 from pedpred.models.registry import parse_settings
 from pedpred.rows.files import count_rows_of
-from pedpred.settings import Settings, load, load_together
+from pedpred.settings import LARGEST_SEED, In, Settings, load, load_together
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training import FitSettings, InstantSettings, SequenceSettings
 from pedpred.training.distributed import DeviceSettings, distributed_context
@@ -23,6 +23,7 @@ from pedpred.training.fit import copy_phase, fit, load_training_rows, write_curv
 from pedpred.training.sets import NamedSets, RealShare
 from pedpred.workers import in_parallel
 from stages.folds import trained_sets
+from stages.sets import tables_of
 
 NONE = "data/config.checked"
 """Where a row of `trainings` names a folder that its training does not read."""
@@ -41,6 +42,7 @@ class Training(Settings):
         previous: folder of the weights to start from; the encoder itself, or `NONE`.
         curves: folder of the validation scores over the steps.
         folds: group of conf/folds; empty: none.
+        seeds: a training each; None: that of the phase.
     """
 
     architecture: str
@@ -51,6 +53,7 @@ class Training(Settings):
     previous: str
     curves: str
     folds: str = ""
+    seeds: tuple[Annotated[int, In(f"[0, {LARGEST_SEED}]")], ...] | None = None
 
 
 Phase = tuple[FitSettings, NamedSets | RealShare | None]
@@ -61,8 +64,7 @@ def training_of(cfg: Mapping[str, Any], name: str) -> Training:
     """Read a row of `trainings`."""
     one_of("name", name, cfg["trainings"])
     with configured(f"trainings.{name}"):
-        row: Training = load(Training, part(cfg, "trainings", name))
-    return row
+        return load(Training, part(cfg, "trainings", name))
 
 
 def device_of(cfg: DictConfig) -> DeviceSettings:
@@ -83,13 +85,9 @@ def architecture_of(cfg: Mapping[str, Any], name: str) -> NetworkSettings:
 
 def phase_of(cfg: Mapping[str, Any], phase: str) -> Phase:
     """Read a row of `training`: how to train, and what it says about its sets."""
-    return read_phase(f"training.{phase}", part(cfg, "training", phase))
-
-
-def read_phase(key: str, options: Mapping[str, Any]) -> Phase:
-    """Make a phase of its options; `key` names them in errors."""
+    options = row(cfg, "training", phase)
     how = InstantSettings if "shares" in options else SequenceSettings
-    with configured(key):
+    with configured(f"training.{phase}"):
         kinds = [kind for kind, name in ((NamedSets, "sets"), (RealShare, "real_share")) if name in options]
         settings, *data = load_together([how, *kinds], options)
     return settings, data[0] if data else None
@@ -118,9 +116,10 @@ def count_real(rows: Path, sets: Iterable[str]) -> dict[str, int]:
 
 
 def networks_of(cfg: Mapping[str, Any], architecture: str) -> list[str]:
-    """Names of the networks of an architecture."""
-    rows = cfg["methods"]["networks"].items()
-    return [name for name, row in rows if row["settings"]["architecture"] == architecture]
+    """Names of the networks of an architecture; a study has the names of its own in `networks`."""
+    rows = cfg["methods"]["networks"]
+    named = cfg.get("networks", rows)
+    return [name for name in named if rows[name]["settings"]["architecture"] == architecture]
 
 
 class Inputs(NamedTuple):
@@ -139,18 +138,20 @@ class Inputs(NamedTuple):
     previous: Path | None
 
 
-def inputs_of(row: Training, network: str) -> Inputs:
+def inputs_of(training: Training, network: str) -> Inputs:
     """What a training of a network reads."""
-    rows, embeddings, encoder = Path(row.rows), Path(row.embeddings), Path(row.encoder)
+    rows, embeddings, encoder = Path(training.rows), Path(training.embeddings), Path(training.encoder)
     if rows.name == "simulated":
         rows, embeddings = rows.parent, embeddings.parent
-    previous = Path(row.previous) if row.previous == row.encoder else Path(row.previous, network)
-    return Inputs(rows, embeddings, encoder, None if row.previous == NONE else previous)
+    previous = (
+        Path(training.previous) if training.previous == training.encoder else Path(training.previous, network)
+    )
+    return Inputs(rows, embeddings, encoder, None if training.previous == NONE else previous)
 
 
-def real_sets(cfg: DictConfig, row: Training, fold: Mapping[str, Any] | None, steps: bool) -> list[str]:
+def real_sets(cfg: DictConfig, training: Training, fold: Mapping[str, Any] | None, steps: bool) -> list[str]:
     """Names of the sets that a training may read beside those of its phase: of a fold, or of all places."""
-    if Path(row.rows).name == "simulated":
+    if Path(training.rows).name == "simulated":
         return []
     named = [f"real/{key}" for key in cfg.places] if fold is None else trained_sets(fold, cfg.places)
     return [key for key in named if steps or key.startswith("real/")]
@@ -181,27 +182,32 @@ def train(
             write_curve(progress, curve)
 
 
-@stage("name", "network", "fold", "curve")
+@stage("name", "network", "fold", "curve", "study")
 def main(cfg: DictConfig) -> None:
-    """Train row `name` of conf/trainings: models/<name>, a folder per network, and in it one per fold.
+    """Train row `name` of conf/trainings: models/<name>, a folder per network, in it one per fold and seed.
 
     `network` and `fold` choose one. Several processes: `torchrun -m stages.train`.
     """
+    cfg = tables_of(cfg)
     name = stage_key(cfg)
-    row = training_of(cfg, name)
-    out, curves = Path(cfg.get("out", f"models/{name}")), Path(cfg.get("curve", row.curves))
-    networks = chosen("network", cfg.get("network"), networks_of(cfg, row.architecture))
-    if row.folds:
-        folds = one_of(f"trainings.{name}.folds", row.folds, cfg.folds)
+    training, tasks = training_of(cfg, name), []
+    out, curves = Path(cfg.get("out", f"models/{name}")), Path(cfg.get("curve", training.curves))
+    networks = chosen("network", cfg.get("network"), networks_of(cfg, training.architecture))
+    if training.folds:
+        folds = one_of(f"trainings.{name}.folds", training.folds, cfg.folds)
         named = [(f"finetune_{key}", folds[key], key) for key in chosen("fold", cfg.get("fold"), list(folds))]
     else:
-        named = [(name.removeprefix(f"{row.architecture}_"), None, "")]
-    phase, tasks = phase_of(cfg, row.phase), []
+        named = [(name.removeprefix(f"{training.architecture}_"), None, "")]
+    phase = phase_of(cfg, training.phase)
     for network, (title, fold, key) in product(networks, named):
-        given = inputs_of(row, network)
-        real = real_sets(cfg, row, fold, isinstance(phase[0], SequenceSettings))
-        how = sets_of(phase, count_real(given.rows, real))
-        tasks.append((cfg, network, *how, given, out / network / key, curves / f"{title}_{network}.tsv"))
+        given = inputs_of(training, network)
+        real = real_sets(cfg, training, fold, isinstance(phase[0], SequenceSettings))
+        settings, sets = sets_of(phase, count_real(given.rows, real))
+        seeds = {str(seed): replace(settings, seed=seed) for seed in training.seeds or ()}
+        for seed, how in (seeds or {"": settings}).items():
+            curve = "_".join(filter(None, (title, network, seed)))
+            at = out / network / key / seed
+            tasks.append((cfg, network, how, sets, given, at, curves / f"{curve}.tsv"))
     in_parallel(train, tasks, name, "training")
 
 
