@@ -62,7 +62,7 @@ from stages.row_types import (
 )
 from stages.sets import SetTracking
 from stages.simulate import read_layouts
-from stages.train import NONE, networks_of, phase_of, training_of
+from stages.train import NONE, networks_of, phase_of, seeds_of, training_of
 from stages.validate_simulation import flow_of
 from stages.worlds import worlds_of
 
@@ -172,10 +172,8 @@ def weights_of(cfg: Params, network: str) -> list[str]:
     weights = []
     for name, it in ((name, training_of(cfg, name)) for name in cfg["trainings"]):
         if network in networks_of(cfg, it.architecture):
-            ends = product(cfg["folds"][it.folds] if it.folds else [""], it.seeds or [""])
-            weights += [
-                "/".join(filter(None, ("models", name, network, fold, str(seed)))) for fold, seed in ends
-            ]
+            ends = product(cfg["folds"][it.folds] if it.folds else [""], seeds_of(cfg, it))
+            weights += [Path("models", name, network, *end).as_posix() for end in ends]
     return weights
 
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from omegaconf import DictConfig
 
-from pedpred.config import configured, one_of, part, row
+from pedpred.config import configured, part, row
 from pedpred.errors import ConfigError
 from pedpred.evaluation.observed import WindowSettings
 from pedpred.features import ForecastProtocol, ModelFeatures
 from pedpred.features.perception import Following, Perception, parse_tracker
 from pedpred.models.features import parse_features
-from pedpred.scenes import VARIANTS
 from pedpred.settings import In, Settings, load, load_together
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.tracking import KalmanBank, KalmanSettings
@@ -78,16 +77,3 @@ def kalman_of(cfg: Mapping[str, Any], name: str) -> KalmanSettings:
     if kalman is None:
         raise ConfigError(f"trackers.{name}.kind", "truth", "a Kalman filter is needed here")
     return kalman
-
-
-def variants_of(key: str, source: DictConfig) -> list[str]:
-    """Read the variants of a row of simulations or places.
-
-    Raises:
-        ConfigError: they are no list, or one of them is unknown.
-    """
-    if not isinstance(source.variants, Sequence) or isinstance(source.variants, str):
-        raise ConfigError(f"{key}.variants", source.variants, "a list is needed")
-    for variant in source.variants:
-        one_of(f"{key}.variants", variant, VARIANTS)
-    return list(source.variants)

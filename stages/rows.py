@@ -27,7 +27,7 @@ from pedpred.settings import load
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.workers import in_parallel
-from stages.perception import features_of, perception_of, protocol_of, variants_of, windows_of
+from stages.perception import features_of, perception_of, protocol_of, windows_of
 from stages.sets import tables_of
 from stages.worlds import worlds_of
 
@@ -88,7 +88,8 @@ def steps_of_scenes(cfg: DictConfig, model: str, kind: str, key: str, out: Path)
     Nobody is trained on stand-ins.
     """
     source = cfg[SETS[kind]][key]
-    variants = variants_of(f"{SETS[kind]}.{key}", source)
+    for variant in source.variants:
+        one_of(f"{SETS[kind]}.{key}.variants", variant, VARIANTS)
     how, protocol = perception_of(cfg, source)
     row_format, phase_offsets = RowFormat(protocol, model, features_of(cfg, model)), 1
     if not protocol.noncausal:  # resampled tracks have one phase
@@ -97,7 +98,7 @@ def steps_of_scenes(cfg: DictConfig, model: str, kind: str, key: str, out: Path)
     for folder in scene_folders(scenes_of(cfg) / kind / key):
         if read_scene(folder).stand_in is None:
             digest = scene_digest(folder)
-            for variant in ("", *variants):
+            for variant in ("", *source.variants):
                 name = f"{folder.name}_{variant}" if variant else folder.name
                 files[name] = (scene_steps, folder, variant, name, how, row_format, phase_offsets)
                 scenes[name] = digest

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any
 
 import torch
 from omegaconf import DictConfig
@@ -15,7 +15,7 @@ from pedpred.config import configured, one_of, part, row, stage, stage_key
 from pedpred.models.contract import NetworkSettings
 from pedpred.models.registry import parse_settings
 from pedpred.rows.files import count_rows_of
-from pedpred.settings import LARGEST_SEED, In, Settings, load, load_together
+from pedpred.settings import Settings, load, load_together
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training import FitSettings, InstantSettings, SequenceSettings
 from pedpred.training.distributed import DeviceSettings, distributed_context
@@ -42,7 +42,6 @@ class Training(Settings):
         previous: folder of the weights to start from; the encoder itself, or `NONE`.
         curves: folder of the validation scores over the steps.
         folds: group of conf/folds; empty: none.
-        seeds: a training each; None: that of the phase.
     """
 
     architecture: str
@@ -53,7 +52,6 @@ class Training(Settings):
     previous: str
     curves: str
     folds: str = ""
-    seeds: tuple[Annotated[int, In(f"[0, {LARGEST_SEED}]")], ...] | None = None
 
 
 Phase = tuple[FitSettings, NamedSets | RealShare | None]
@@ -122,31 +120,21 @@ def networks_of(cfg: Mapping[str, Any], architecture: str) -> list[str]:
     return [name for name in named if rows[name]["settings"]["architecture"] == architecture]
 
 
-class Inputs(NamedTuple):
-    """What a training reads.
-
-    Attributes:
-        rows: folder of the sets, by kind and name.
-        embeddings: of the frozen encoder's outputs for them, likewise.
-        encoder: its checkpoint.
-        previous: checkpoint of the weights to start from, or of the encoder; None: random weights.
-    """
-
-    rows: Path
-    embeddings: Path
-    encoder: Path
-    previous: Path | None
+def seeds_of(cfg: Mapping[str, Any], training: Training) -> list[str]:
+    """Seeds of a training on folds, if a study has some; no name stands for that of the phase."""
+    return [str(seed) for seed in cfg.get("seeds", [""])] if training.folds else [""]
 
 
-def inputs_of(training: Training, network: str) -> Inputs:
-    """What a training of a network reads."""
-    rows, embeddings, encoder = Path(training.rows), Path(training.embeddings), Path(training.encoder)
-    if rows.name == "simulated":
-        rows, embeddings = rows.parent, embeddings.parent
-    previous = (
-        Path(training.previous) if training.previous == training.encoder else Path(training.previous, network)
-    )
-    return Inputs(rows, embeddings, encoder, None if training.previous == NONE else previous)
+def top_of(folder: str) -> Path:
+    """Folder of the sets by kind and name; trainings in simulation name the one of the simulated sets."""
+    return Path(folder).parent if Path(folder).name == "simulated" else Path(folder)
+
+
+def previous_of(training: Training, network: str) -> Path | None:
+    """Checkpoint of the weights to start from, or of the encoder; None: random weights."""
+    if training.previous in (NONE, training.encoder):
+        return None if training.previous == NONE else Path(training.encoder)
+    return Path(training.previous, network)
 
 
 def real_sets(cfg: DictConfig, training: Training, fold: Mapping[str, Any] | None, steps: bool) -> list[str]:
@@ -160,23 +148,25 @@ def real_sets(cfg: DictConfig, training: Training, fold: Mapping[str, Any] | Non
 def train(
     cfg: DictConfig,
     network: str,
+    training: Training,
     settings: FitSettings,
     sets: list[str],
-    given: Inputs,
     out: Path,
     curve: Path,
 ) -> None:
     """Train a network on some sets; without any it is the one before. A job of one worker."""
+    previous = previous_of(training, network)
     if not sets:
-        assert given.previous is not None
-        copy_phase(given.previous, out, curve)
+        assert previous is not None
+        copy_phase(previous, out, curve)
         return
     architecture, device = architecture_of(cfg, network), device_of(cfg)
     title = f"{curve.parent.name}, {curve.stem}"
-    rows, embeddings = ({key: top / key for key in sets} for top in (given.rows, given.embeddings))
+    tops = top_of(training.rows), top_of(training.embeddings)
+    rows, embeddings = ({key: top / key for key in sets} for top in tops)
     with configured("training"), distributed_context(device.device, device.autocast) as here:
-        loaded = load_training_rows(architecture, rows, embeddings, given.encoder)
-        trained, progress, about = fit(architecture, given.previous, loaded, settings, title, here)
+        loaded = load_training_rows(architecture, rows, embeddings, Path(training.encoder))
+        trained, progress, about = fit(architecture, previous, loaded, settings, title, here)
         if here.writes:
             write_checkpoint(out, trained.state_dict(), about)
             write_curve(progress, curve)
@@ -199,15 +189,13 @@ def main(cfg: DictConfig) -> None:
     else:
         named = [(name.removeprefix(f"{training.architecture}_"), None, "")]
     phase = phase_of(cfg, training.phase)
-    for network, (title, fold, key) in product(networks, named):
-        given = inputs_of(training, network)
+    for title, fold, key in named:
         real = real_sets(cfg, training, fold, isinstance(phase[0], SequenceSettings))
-        settings, sets = sets_of(phase, count_real(given.rows, real))
-        seeds = {str(seed): replace(settings, seed=seed) for seed in training.seeds or ()}
-        for seed, how in (seeds or {"": settings}).items():
-            curve = "_".join(filter(None, (title, network, seed)))
-            at = out / network / key / seed
-            tasks.append((cfg, network, how, sets, given, at, curves / f"{curve}.tsv"))
+        settings, sets = sets_of(phase, count_real(top_of(training.rows), real))
+        for network, seed in product(networks, seeds_of(cfg, training)):
+            how = replace(settings, seed=int(seed)) if seed else settings
+            curve = curves / f"{'_'.join(filter(None, (title, network, seed)))}.tsv"
+            tasks.append((cfg, network, training, how, sets, out / network / key / seed, curve))
     in_parallel(train, tasks, name, "training")
 
 

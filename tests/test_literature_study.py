@@ -30,8 +30,9 @@ from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
 from pedpred.training.sets import RealShare
-from stages.eth_ucy import comparison_of
+from stages.config import PARTS
 from stages.eth_ucy_gather import figures_of
+from stages.perception import windows_of
 from tests.configuration import read
 from tests.conftest import ROOT, raw_folder
 from tests.exported import LSTM_ROWS, NETWORK, WIDTHS, forecaster_of
@@ -43,8 +44,8 @@ BANK = KalmanBank.around(
 FEATURES = MixtureFeatures()
 ASIDE = np.array([3.0, -2.0])
 PARAMS = read("params.yaml")
-COMPARISON = comparison_of(PARAMS)
-PROTOCOL = COMPARISON.protocol
+STUDY = PARAMS["literature"]
+PROTOCOL = windows_of(STUDY)
 
 
 def crowd(seed=0, people=6, ticks=40):
@@ -157,7 +158,7 @@ def test_people_beside_are_seen():
 )
 def test_constant_velocity_has_the_errors_of_the_field_and_of_a_few_lines(scene, windows, ade_m, fde_m):
     folder, errors, ours = raw_folder("eth_ucy"), [], []
-    for name in COMPARISON.scenes[scene]:
+    for name in STUDY["scenes"][scene]:
         frame, track, *position = np.loadtxt(folder / f"{name}.txt").T
         position = np.stack(position, axis=-1)
         for one in np.unique(track):
@@ -168,7 +169,7 @@ def test_constant_velocity_has_the_errors_of_the_field_and_of_a_few_lines(scene,
                     path = position[rows[k : k + 20]]
                     going = path[7] + np.outer(np.arange(1, 13), path[7] - path[6])
                     errors.append(np.hypot(*(going - path[8:]).T))
-        recording = read_text(folder, name, {**COMPARISON.reader, "recording": name})
+        recording = read_text(folder, name, STUDY["places"][name]["settings"])
         own = find_observed_windows(recording, Perception(BANK, 0.2), PROTOCOL, memory=False)
         ours.append(np.linalg.norm(PRESENT_MOTION["cv"]()(own.request).point - own.truth, axis=-1))
     ours, errors = np.concatenate(ours), np.array(errors)
@@ -247,15 +248,14 @@ def test_coverage_is_that_of_all_seeds(tmp_path, monkeypatch):
     ]
     named = {STRONGEST: seeds[0], "lstm": mean_scores(seeds), "lstm_0": seeds[0], "lstm_1": seeds[1]}
     for name, each in named.items():
-        write_scores(each, Path("data/eth_ucy/scores/a/a", name, "one.parquet"))
-    study = {"seeds": [0, 1], "folds": {"a": {"test": ["a"]}}, "scenes": {"a": ["one"]}}
-    study |= {"networks": ["lstm"]}
-    figures = figures_of(OmegaConf.create({"literature": study}), "a", Resampling(bootstrap=10))["a"]["lstm"]
+        write_scores(each, Path("scores", name, "one.parquet"))
+    study = OmegaConf.create({"seeds": [0, 1], "scenes": {"a": ["one"]}, "networks": ["lstm"]})
+    figures = figures_of(study, Path("scores"), "a", Resampling(bootstrap=10))["lstm"]
     assert [figures[f"per_step_coverage_{share}"] for share in (50, 90, 95)] == [[0.5, 0.5]] * 3
 
 
 def test_the_command_measures_the_windows_of_the_pipeline():
-    assert (COMPARISON.protocol, COMPARISON.samples) == (field_protocol.WINDOWS, field_protocol.SAMPLES)
+    assert (PROTOCOL, STUDY["samples"]) == (field_protocol.WINDOWS, field_protocol.SAMPLES)
 
 
 def test_shares_follow_the_root_of_the_sizes():
@@ -263,17 +263,18 @@ def test_shares_follow_the_root_of_the_sizes():
         {"room": 3.0, "square": 1.0}, {"eth": 100, "univ": 10000}
     )
     assert shares == pytest.approx({"room": 0.3, "square": 0.1, "eth": 0.6 / 11, "univ": 6 / 11})
-    assert PROTOCOL.protocol.horizon_steps == 12
 
 
 def test_no_fold_trains_on_what_it_tests():
-    published = [fold.test for name, fold in COMPARISON.folds.items() if name in COMPARISON.scenes]
-    assert published == [(scene,) for scene in SCENES]
-    given = dict(PARAMS["literature"])
-    for change in ({"train": ["biwi_eth"]}, {"train": ["biwi"]}, {"test": ["zara9"]}):
-        own = {**given, "folds": {"eth": {"test": ["eth"], "train": ["biwi_hotel"], **change}}}
-        with pytest.raises(ConfigError, match=r"literature\.folds\.eth\.(train|test)"):
-            comparison_of({"literature": own})
+    folds = STUDY["folds"]["eth_ucy"]
+    assert [name for name in folds if name in STUDY["scenes"]] == list(SCENES)
+    for scene in SCENES:
+        assert folds[scene]["test"] == [f"real/{name}" for name in STUDY["scenes"][scene]]
+    for change in ({"train": ["real/biwi_eth"]}, {"train": ["real/biwi"]}, {"test": ["real/zara9"]}):
+        own = {"eth_ucy": {"eth": {"test": ["real/biwi_eth"], "train": ["real/biwi_hotel"], **change}}}
+        with pytest.raises(ConfigError) as error:
+            PARTS["literature"](PARAMS | {"literature": STUDY | {"folds": own}})
+        assert error.value.field == f"literature.folds.eth_ucy.eth.{next(iter(change))}"
 
 
 def test_the_tables_name_stricter_folds_and_average_whole_rows_alone():

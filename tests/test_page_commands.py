@@ -100,7 +100,7 @@ FEW_ROWS = {
     "places/recorded": ({"eth", "hotel"},),
     "methods/networks": ({"lstm", "mixture"},),
     "situations/varied": ("simulated", {"main"}),
-    "literature/eth_ucy": ("folds", {"eth"}),
+    "literature/eth_ucy": ("folds", "eth_ucy", {"eth"}),
     "online/robot": ("exports", {"large"}),
     "driving/closed_loop": ("places", {"corridor"}),
     "recording/viewer": ("scenes", {"office"}),
