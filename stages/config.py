@@ -48,7 +48,7 @@ from stages.code import write_code
 from stages.drive import study_of
 from stages.fetch import mirrors_of
 from stages.folds import trained_sets
-from stages.perception import features_of, kalman_of, protocol_of
+from stages.perception import features_of, kalman_of, windows_of
 from stages.references import WHERE, Params, check_references, layout_names, method_names
 from stages.report import read_page, read_paper
 from stages.row_types import (
@@ -267,13 +267,10 @@ def _literature(cfg: Params) -> None:
     study = part(cfg, "literature")
     own = {**cfg, **study}
     with configured("literature"):
-        load(
-            ComparisonRows,
-            {name: values for name, values in study.items() if name not in {*PARTS, "exports"}},
-        )
+        load(ComparisonRows, {name: study[name] for name in study.keys() - PARTS.keys() - {"exports"}})
     try:
         check_references(own, study)
-        for name in study.keys() & PARTS.keys():
+        for name in filter(PARTS.get, study):
             PARTS[name](own)
     except ConfigError as error:
         raise ConfigError(f"literature.{error.field}", error.value, error.remedy) from error
@@ -296,7 +293,7 @@ PARTS: dict[str, Check] = {
     "worlds": worlds_of,
     "situations": _situations,
     "sequences": _whole("sequences", SequenceSets),
-    "protocol": protocol_of,
+    "protocol": windows_of,
     "features": _features,
     "autoencoder": _whole("autoencoder", ThreadSettings, CropSplit, AutoencoderSettings),
     "training": _training,

@@ -28,11 +28,9 @@ TOP = Path("data/eth_ucy")
 
 
 def fit_filter(scenes: Iterable[Scene], ahead: int) -> KalmanBank | None:
-    """Fit the noise of the simple methods' filter to what a fold trains on; None if none of it is available.
+    """Fit the noise of the simple methods' filter to recordings, to forecast so many annotations ahead.
 
-    Args:
-        scenes: recordings.
-        ahead: annotations that are forecast.
+    None if no recording is available.
     """
     people = [scene.trajectories for scene in scenes if scene.unavailable is None]
     if not people:

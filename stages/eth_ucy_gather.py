@@ -15,14 +15,7 @@ from stages.sets import tables_of
 
 
 def figures_of(cfg: DictConfig, folder: Path, scene: str, settings: Resampling) -> Figures:
-    """Figures of all methods at a scene, whose recordings are pooled; none where those are not available.
-
-    Args:
-        cfg: the configuration.
-        folder: scores of a fold.
-        scene: its name.
-        settings: of the intervals.
-    """
+    """Figures at a scene, whose recordings are pooled, of the scores of a fold; none without recordings."""
     recordings = [f"{recording}.parquet" for recording in cfg.scenes[scene]]
     pools = {
         method.name: pool_scores([read_scores(method / file) for file in recordings])

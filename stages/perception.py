@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from dataclasses import replace
+from typing import Any
 
 from omegaconf import DictConfig
 
@@ -14,20 +14,12 @@ from pedpred.evaluation.observed import WindowSettings
 from pedpred.features import ForecastProtocol, ModelFeatures
 from pedpred.features.perception import Following, Perception, parse_tracker
 from pedpred.models.features import parse_features
-from pedpred.settings import In, Settings, load, load_together
+from pedpred.settings import load, load_together
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.tracking import KalmanBank, KalmanSettings
 
-
-@dataclass(frozen=True)
-class Windows(Settings):
-    """What a protocol says of its windows.
-
-    Attributes:
-        observed_steps: annotations that are all that is known in a window; 0: everything earlier is known.
-    """
-
-    observed_steps: Annotated[int, In("[0, 10000]")] = 0
+OBSERVED = "observed_steps"
+"""Key of a protocol that limits what is known in a window."""
 
 
 def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, ForecastProtocol]:
@@ -44,20 +36,20 @@ def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, Fore
 
 def protocol_of(cfg: Mapping[str, Any]) -> tuple[ForecastProtocol, Following]:
     """Read what all forecasts have in common, and how people are followed."""
+    options = {key: value for key, value in part(cfg, "protocol").items() if key != OBSERVED}
     with configured("protocol"):
-        protocol, how, _ = load_together([ForecastProtocol, Following, Windows], part(cfg, "protocol"))
+        protocol, how = load_together([ForecastProtocol, Following], options)
     return protocol, how
 
 
 def windows_of(cfg: Mapping[str, Any]) -> WindowSettings | None:
-    """Read the windows of a protocol that observes a number of annotations; None: it observes everything."""
-    (protocol, _), steps = protocol_of(cfg), cfg["protocol"].get("observed_steps", 0)
-    if not steps:
+    """Read the windows of a protocol that limits what is known in them; None: it does not."""
+    (protocol, _), options = protocol_of(cfg), part(cfg, "protocol")
+    if OBSERVED not in options:
         return None
+    ahead, step_s = protocol.horizon_steps, protocol.dt_s
     with configured("protocol"):
-        return WindowSettings(
-            observed_steps=steps, predicted_steps=protocol.horizon_steps, step_s=protocol.dt_s
-        )
+        return WindowSettings(observed_steps=options[OBSERVED], predicted_steps=ahead, step_s=step_s)
 
 
 def features_of(cfg: Mapping[str, Any], model: str) -> ModelFeatures:

@@ -31,18 +31,7 @@ NONE = "data/config.checked"
 
 @dataclass(frozen=True)
 class Training(Settings):
-    """A row of conf/trainings, see there.
-
-    Attributes:
-        architecture: whose networks are trained.
-        phase: row of conf/training.
-        rows: folder of the sets.
-        embeddings: the frozen encoder's outputs for them.
-        encoder: its checkpoint.
-        previous: folder of the weights to start from; the encoder itself, or `NONE`.
-        curves: folder of the validation scores over the steps.
-        folds: group of conf/folds; empty: none.
-    """
+    """A row of conf/trainings, where its fields are described."""
 
     architecture: str
     phase: str
@@ -92,12 +81,7 @@ def phase_of(cfg: Mapping[str, Any], phase: str) -> Phase:
 
 
 def sets_of(phase: Phase, real: Mapping[str, int]) -> tuple[FitSettings, list[str]]:
-    """How and on which sets a network is trained: kind/name of each.
-
-    Args:
-        phase: of the training.
-        real: real sets that may be trained on -> number of their rows.
-    """
+    """How and on which sets a network is trained, of the phase and of `real` ones with so many rows."""
     settings, data = phase
     if isinstance(settings, InstantSettings):
         shares = {f"simulated/{key}": share for key, share in settings.shares.items()}
