@@ -296,7 +296,7 @@ def test_help_names_purpose_and_arguments_of_a_stage():
     run = python(ROOT, "stages.train", "--help")
     assert run.returncode == 0, run.stderr
     first, *lines = run.stdout.splitlines()
-    arguments = "[+name=...] [+network=...] [+fold=...] [+curve=...] [+out=...]"
+    arguments = "[+name=...] [+network=...] [+fold=...] [+curve=...] [+study=...] [+out=...]"
     assert first == f"usage: python -m stages.train {arguments} [KEY=VALUE ...]"
     assert "Train row `name` of conf/trainings" in lines[1]
 
