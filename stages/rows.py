@@ -70,7 +70,7 @@ def write_file(
 
 def scenes_of(cfg: DictConfig) -> Path:
     """Folder of all sets of scenes; a study has its own."""
-    return Path(cfg.get("scenes", "data/scenes"))
+    return Path(cfg.get("folder", "data/scenes"))
 
 
 def sampling_of(cfg: DictConfig, model: str) -> RowSampling:
@@ -216,11 +216,11 @@ def sets_of(cfg: DictConfig, model: str, kind: str, out: Path) -> Iterator[RowSe
             yield make(cfg, model, key, out / key)
 
 
-@stage("name", "kind", "study", "scenes")
+@stage("name", "kind", "study", "folder")
 def main(cfg: DictConfig) -> None:
     """Write data/rows/<name>/<kind>, a folder per set; `name` is a row of conf/features.
 
-    `scenes` is the folder of the scenes; `study` has its own places and protocol.
+    `folder` is that of the scenes; `study` has its own places and protocol.
     """
     cfg = tables_of(cfg)
     model, kind = stage_key(cfg), one_of("kind", cfg.kind, {kind: kind for kind in SETS})
