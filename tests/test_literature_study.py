@@ -22,8 +22,9 @@ from pedpred.report.results import results_frame
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
-from stages.eth_ucy import comparison_of
+from stages.config import PARTS
 from stages.eth_ucy_gather import figures_of
+from stages.perception import windows_of
 from tests.configuration import read
 from tests.conftest import ROOT, raw_folder
 from tests.refused import refused
@@ -35,8 +36,8 @@ BANK = KalmanBank.around(
 FEATURES = MixtureFeatures()
 ASIDE = np.array([3.0, -2.0])
 PARAMS = read("params.yaml")
-COMPARISON = comparison_of(PARAMS)
-PROTOCOL = COMPARISON.protocol
+STUDY = PARAMS["literature"]
+PROTOCOL = windows_of(STUDY)
 
 
 def crowd(seed=0, people=6, ticks=40):
@@ -103,7 +104,7 @@ def test_windows_do_not_depend_on_when_the_clock_began(seed, begun_s, slow):
 )
 def test_constant_velocity_has_the_errors_of_the_field(scene, windows, ade_m, fde_m):
     folder, errors, ours = raw_folder("eth_ucy"), [], []
-    for name in COMPARISON.scenes[scene]:
+    for name in STUDY["scenes"][scene]:
         frame, track, *position = np.loadtxt(folder / f"{name}.txt").T
         position = np.stack(position, axis=-1)
         for one in np.unique(track):
@@ -114,7 +115,7 @@ def test_constant_velocity_has_the_errors_of_the_field(scene, windows, ade_m, fd
                     path = position[rows[k : k + 20]]
                     going = path[7] + np.outer(np.arange(1, 13), path[7] - path[6])
                     errors.append(np.hypot(*(going - path[8:]).T))
-        recording = read_text(folder, name, {**COMPARISON.reader, "recording": name})
+        recording = read_text(folder, name, STUDY["places"][name]["settings"])
         own = find_observed_windows(recording, Perception(BANK, 0.2), PROTOCOL, memory=False)
         ours.append(np.linalg.norm(PRESENT_MOTION["cv"]()(own.request).point - own.truth, axis=-1))
     ours, errors = np.concatenate(ours), np.array(errors)
@@ -157,25 +158,25 @@ def test_coverage_is_that_of_all_seeds(tmp_path, monkeypatch):
     ]
     named = {STRONGEST: seeds[0], "lstm": mean_scores(seeds), "lstm_0": seeds[0], "lstm_1": seeds[1]}
     for name, each in named.items():
-        write_scores(each, Path("data/eth_ucy/scores/a/a", name, "one.parquet"))
-    study = {"seeds": [0, 1], "folds": {"a": {"test": ["a"]}}, "scenes": {"a": ["one"]}}
-    study |= {"networks": ["lstm"]}
-    figures = figures_of(OmegaConf.create({"literature": study}), "a", Resampling(bootstrap=10))["a"]["lstm"]
+        write_scores(each, Path("scores", name, "one.parquet"))
+    study = OmegaConf.create({"seeds": [0, 1], "scenes": {"a": ["one"]}, "networks": ["lstm"]})
+    figures = figures_of(study, Path("scores"), "a", Resampling(bootstrap=10))["lstm"]
     assert [figures[f"per_step_coverage_{share}"] for share in (50, 90, 95)] == [[0.5, 0.5]] * 3
 
 
 def test_the_command_measures_the_windows_of_the_pipeline():
-    assert (COMPARISON.protocol, COMPARISON.samples) == (field_protocol.WINDOWS, field_protocol.SAMPLES)
+    assert (PROTOCOL, STUDY["samples"]) == (field_protocol.WINDOWS, field_protocol.SAMPLES)
 
 
 def test_no_fold_trains_on_what_it_tests():
-    published = [fold.test for name, fold in COMPARISON.folds.items() if name in COMPARISON.scenes]
-    assert published == [(scene,) for scene in SCENES]
-    given = dict(PARAMS["literature"])
-    for change in ({"train": ["biwi_eth"]}, {"train": ["biwi"]}, {"test": ["zara9"]}):
-        own = {**given, "folds": {"eth": {"test": ["eth"], "train": ["biwi_hotel"], **change}}}
-        with refused("literature.folds.eth"):
-            comparison_of({"literature": own})
+    folds = STUDY["folds"]["eth_ucy"]
+    assert [name for name in folds if name in STUDY["scenes"]] == list(SCENES)
+    for scene in SCENES:
+        assert folds[scene]["test"] == [f"real/{name}" for name in STUDY["scenes"][scene]]
+    for change in ({"train": ["real/biwi_eth"]}, {"train": ["real/biwi"]}, {"test": ["real/zara9"]}):
+        own = {"eth_ucy": {"eth": {"test": ["real/biwi_eth"], "train": ["real/biwi_hotel"], **change}}}
+        with refused(f"literature.folds.eth_ucy.eth.{next(iter(change))}"):
+            PARTS["literature"](PARAMS | {"literature": STUDY | {"folds": own}})
 
 
 def test_tables_name_stricter_folds_and_average_whole_rows():

@@ -219,7 +219,7 @@ def test_simple_methods_are_tested_there_alone_as_the_page_says(project):
 def test_figures_stay_while_nothing_is_evaluated(project):
     for stage, folder, arguments in (
         ("gather", f"data/scores/baselines/{project['comparison']['reference']}", {"name": "real"}),
-        ("eth_ucy_gather", f"data/eth_ucy/scores/{next(iter(project['literature']['folds']))}", {}),
+        ("eth_ucy_gather", "data/eth_ucy/scores/eth", {"study": "literature"}),
     ):
         with pytest.raises(InputError, match=f"^{folder}, scores: there are none"):
             run(stage, project, **arguments)

@@ -22,7 +22,7 @@ from pedpred.report.page.player import ReplaySettings
 from pedpred.settings import load, load_together
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
 from pedpred.sources.mirrors import Mirrors
-from stages import eth_ucy_train, evaluate, pretrain_autoencoder, rows, train
+from stages import evaluate, pretrain_autoencoder, rows, train
 from stages.config import PARTS, STAMP, check_layouts, check_parts, main
 from stages.references import layout_names
 from stages.row_types import PageRows
@@ -57,7 +57,6 @@ BASES = {base for name in ROWS for row in PARAMS[name].values() if (base := row.
 FREE = (  # names that are chosen freely, or that other parts of the configuration choose
     "mirrors",
     *(f"training.{phase}.shares" for phase in ("situations", "adaptation")),
-    *(f"literature.networks.mixture.{phase}.shares" for phase in ("worlds", "recorded")),
     *(name for name in ROWS if name != "folds"),
     *(f"folds.{study}" for study in PARAMS["folds"]),
     *(f"methods.{group}" for group in PARAMS["methods"]),
@@ -65,7 +64,9 @@ FREE = (  # names that are chosen freely, or that other parts of the configurati
     *("online.exports", "online.promises", "situations.simulated", "recording.scenes", "driving.places"),
     *(
         "literature.scenes",
-        "literature.folds",
+        "literature.places",
+        "literature.folds.eth_ucy",
+        "literature.trainings",
         "literature.exports",
         "driving.exports",
         "mirror.inside",
@@ -340,7 +341,7 @@ STAGES = [
         (train, {"name": "lstm"}, "'lstm': choose one of lstm_corridor, lstm_main"),
         (train, {"name": "lstm_main", "network": "mixture"}, "'mixture': choose one of lstm_nogrid, lstm$"),
         (train, {"name": "lstm_folds", "fold": "no"}, "'no': choose one of without_eth"),
-        (eth_ucy_train, {"phase": "main"}, "'main': choose one of worlds, recorded$"),
+        (train, {"name": "lstm", "study": "literature"}, "'lstm': choose one of eth_ucy_lstm, "),
     ],
 )
 def test_a_stage_says_which_rows_and_phases_it_knows(stage, arguments, message, tmp_path, monkeypatch):
