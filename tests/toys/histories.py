@@ -33,7 +33,7 @@ class ToyFeatures(Settings):
 
     def compute(self, seen: Surroundings, dt_s: float) -> dict[str, np.ndarray]:
         me, around = seen.observers, seen.around
-        q, k, c = np.array([*self._pairs(seen)], int).T  # observer, place in the order of distance, person
+        q, k, c = np.array([*self._pairs(seen)], int).reshape(-1, 3).T  # observer, rank by distance, person
         past = around.past_of(c)
         known = past.trail_s, past.trail, *np.ascontiguousarray(past.span.T), past.seen_s, past.seen
         now = seen.time_s[q], around.position[c], around.velocity[c], me.heading_rad[q]
