@@ -36,7 +36,8 @@ def figures_of(cfg: DictConfig, folder: Path, scene: str, settings: Resampling) 
 def main(cfg: DictConfig) -> None:
     """Write reports/metrics/literature.json, entries <scene>, or <scene>_<fold>; and reports/ade."""
     cfg = tables_of(cfg)
-    settings, gathered = resampling_of(cfg), {}
+    settings = resampling_of(cfg)
+    gathered: dict[str, Figures] = {}
     for name, fold in cfg.folds.eth_ucy.items():
         if not (folder := Path("data/eth_ucy/scores", name)).is_dir():
             raise InputError(folder, "scores", "there are none")
