@@ -31,8 +31,8 @@ class _Brief(reprlib.Repr):
 
     def __init__(self) -> None:
         super().__init__()
-        self.maxlevel = 8
-        self.maxtuple = self.maxlist = self.maxdict = self.maxset = self.maxfrozenset = 100
+        self.maxlevel = 4
+        self.maxtuple = self.maxlist = self.maxdict = self.maxset = self.maxfrozenset = 20
         self.maxstring = self.maxlong = self.maxother = _LONGEST_VALUE
 
     def repr_int(self, x: int, level: int) -> str:
