@@ -15,16 +15,13 @@ from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features.grids import occupancy_crops
 from pedpred.report.canvas import avif_bytes, png_bytes
-from pedpred.report.curves import by_stage, training_figure
-from pedpred.report.error_plots import horizon_table
+from pedpred.report.crops import choose_evenly, grid_image
 from pedpred.report.gallery import draw_gallery
 from pedpred.report.gather import Evaluated
 from pedpred.report.instants import RULES, Instant, choose, depth_m
 from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turn_points
-from pedpred.report.reconstructions import choose_evenly
-from pedpred.report.regions import ellipse_outline, region_outlines
-from pedpred.report.scene_picture import scene_picture
-from pedpred.report.snapshots import grid_image
+from pedpred.report.plots import by_stage, horizon_table, training_figure
+from pedpred.report.scene_picture import ellipse_outline, region_outlines, scene_picture
 from pedpred.report.walls import RANKS, wall_windows
 from pedpred.scenes import Camera, OccupancyMap, Predictions, Scene, Trajectories
 from tests.forecasts import METHODS, windows_with

@@ -12,10 +12,10 @@ import pandas as pd
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows, read_forecasts
 from pedpred.models.lstm.autoencoder import GridAutoencoder, read_autoencoder
-from pedpred.report.curves import read_curve
 from pedpred.report.document import Block, Section, Text
 from pedpred.report.findings import Paper
 from pedpred.report.methods import Methods
+from pedpred.report.plots import read_curve
 from pedpred.report.results import Result, read_metrics, results_of
 from pedpred.report.sections import (
     READING,
