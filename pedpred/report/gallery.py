@@ -142,10 +142,8 @@ def _places(scenes: Mapping[str, Scene], shown_s: float) -> Section:
     pictures = [Picture(f"tracks_{n}", n, arrangement_figure(s, shown_s)) for n, s in sorted(scenes.items())]
     rows = -(-len(pictures) // 5)
     tracks = "all tracks" if np.isinf(shown_s) else f"the tracks of the first {shown_s:.0f} s"
-    return Section(
-        f"Places: obstacles and {tracks} (colours only tell tracks apart)",
-        [Pictures(pictures, -(-len(pictures) // rows))],
-    )
+    title = f"Places: obstacles and {tracks} (colours only tell tracks apart)"
+    return Section(title, [Pictures(pictures, -(-len(pictures) // rows))])
 
 
 def _trained_in(data_sets: Mapping[str, Sequence[Scene]]) -> list[Section]:
