@@ -84,9 +84,10 @@ def judge(expected: Expectation, figures: Figures, methods: Methods) -> Finding:
     claim = f"{first.label} below {second.label}"
     if is_ratio:
         claim = f"{first.label} / {second.label} at least {expected.bound:.2f}"
-    if not {first.key, second.key} <= set(figures.methods) or not figures.value(second.key):
+    found = [figures.get(method.key, "ade_m") for method in (first, second)]
+    one, two = (figure.value if figure else 0.0 for figure in found)
+    if None in found or not two:
         return Finding(claim, NOTHING, "not measured")
-    one, two = figures.value(first.key), figures.value(second.key)
     measured, holds = f"{one:.3f} m {'<' if one < two else '≥'} {two:.3f} m", one < two
     if is_ratio:
         measured, holds = f"{one / two:.3f}", one / two >= expected.bound

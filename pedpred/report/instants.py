@@ -152,10 +152,11 @@ def depth_m(points: np.ndarray, occupancy: OccupancyMap) -> np.ndarray:
 
 def _facing(windows: EvaluationWindows, one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """Whether people ([Q] rows each) walk in opposite directions and come nearer to each other. [Q] bool."""
-    (mine, theirs), apart = (windows.world_velocity[rows] for rows in (one, two)), windows.position
+    mine, theirs = (windows.world_velocity[rows] for rows in (one, two))
+    between = windows.position[two] - windows.position[one]
     speeds = np.linalg.norm(mine, axis=-1) * np.linalg.norm(theirs, axis=-1)
     opposite = (mine * theirs).sum(axis=-1) < np.cos(np.deg2rad(FACING_DEG)) * speeds
-    return opposite & (((theirs - mine) * (apart[two] - apart[one])).sum(axis=-1) < 0)
+    return opposite & (((theirs - mine) * between).sum(axis=-1) < 0)
 
 
 def _nearest_m(paths: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:

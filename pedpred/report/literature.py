@@ -131,7 +131,7 @@ def _ours(literature: pd.DataFrame, figures: tuple[str, str], methods: Methods) 
 def _row(own: pd.DataFrame, figures: Sequence[str], name: str, label: str, places: Sequence[str]) -> Row:
     """Errors of a method at the places that stand for the scenes, and their mean where there are all."""
     cells = pivot(own, ["place", "figure"], places, figures, _error_cell)
-    errors = own.pivot(index="place", columns="figure", values="value").reindex(places, columns=figures)
+    errors = own.pivot(index="place", columns="figure", values="value").reindex(index=places, columns=figures)
     means = errors.to_numpy().mean(axis=0)
     first = [Cell(NOTHING if np.isnan(mean) else f"{mean:.3f}") for mean in means]
     return Row([Cell(label), *first, *(cell for pair in cells for cell in pair)], name)
