@@ -16,10 +16,10 @@ TOO_OLD = "$(VENV) has Python %d.%d, and 3.11 or newer is needed: rm -r $(VENV);
 
 .DEFAULT_GOAL := help
 REV ?= HEAD
-.PHONY: gone help setup params tune reproduce studies compare judge release smoke test mutants rosenv ros pythons trust docs readme dist audit check
+.PHONY: gone help setup params tune reproduce studies compare judge release smoke test test-all mutants rosenv ros pythons trust docs readme dist audit check
 
 help: ## list the targets
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 setup: $(VENV)/.installed ## create .venv and install everything (once, and again when dependencies change)
 	@.ci/history
@@ -65,8 +65,13 @@ release: setup ## make models/online/large the default model, unless it is worse
 smoke: setup ## run the whole pipeline at toy size in build/smoke, apart from your results (minutes)
 	@.ci/smoke
 
-test: setup ## run the tests
-	python -m pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
+PYTEST := python -m pytest --numprocesses 2 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
+
+test: setup ## run the tests but for the slow ones (minutes)
+	$(PYTEST) -m 'not slow'
+
+test-all: setup ## run all tests, also those that are marked as slow: pipeline, pages, wheel, machines, campaigns, browser
+	$(PYTEST)
 
 mutants: setup ## make one wrong change at a time in the core and see whether a test fails; writes reports/mutants.md (half an hour)
 	python -m tools.mutants
@@ -74,7 +79,7 @@ mutants: setup ## make one wrong change at a time in the core and see whether a 
 rosenv: setup
 	@.ci/ros
 
-ros: rosenv ## run the ROS 2 node with publishers and recorders on real middleware (not part of `make test`)
+ros: rosenv ## run the ROS 2 node with publishers and recorders on real middleware (not part of `make test-all`)
 	PEDPRED_REQUIRE_ROS=1 python -m pytest --numprocesses 2 --max-worker-restart 0 tests/test_ros_node.py tests/test_ros_viewers.py tests/test_ros_package.py
 
 pythons: ## try the installation of a robot on other versions of Python: make pythons PYTHONS="python3.12 python3.13"

@@ -1,11 +1,12 @@
 """Figures of drives in many episodes: `python -m benchmarks.driving TABLE.csv ... [--write]`.
 
-Reads tables that `pedpred drive` has written, one per place, and makes three tables of docs/driving.md:
+Reads tables that `pedpred drive` has written, one per place, and makes three tables:
 
-* `curves`: collisions at the robot's fault, and time to the goal, by method, limit of risk and place;
+* `curves`: collisions at the robot's fault, and time to the goal, by method, limit of risk and place
+  (`drives` in reports/benchmarks.md);
 * `equal`: the network's modes beside the Kalman filter: collisions at the same time, and time beyond that of
-  the true future at the same collisions, with 95 % intervals over episodes;
-* `extremes`: if people are forecast to stand, and with the true future.
+  the true future at the same collisions, with 95 % intervals over episodes (docs/driving.md);
+* `extremes`: if people are forecast to stand, and with the true future (reports/benchmarks.md).
 
 Each table takes the episodes that all its methods have drives, so that some methods may drive more of them,
 and the places where they have all drives.
@@ -20,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.tables import show, write_tables
+from benchmarks.tables import REPORT, show, write_tables
 from pedpred.driving.figures import Episodes, share_interval
 from pedpred.driving.forecasters import TRUTH
 from pedpred.driving.table import Condition, Row, read_table
@@ -173,13 +174,14 @@ def main(arguments: list[str] | None = None) -> None:
         formatter_class=argparse.RawTextHelpFormatter,
     )
     parser.add_argument("tables", type=Path, nargs="+", metavar="TABLE.csv")
-    parser.add_argument("--write", action="store_true", help=f"write the tables into {PAGE}")
+    parser.add_argument("--write", action="store_true", help=f"write the tables into {PAGE} and {REPORT}")
     options = parser.parse_args(arguments)
     tables = tables_of(drives_in(options.tables))
     for name, rows in tables.items():
         show(name, rows)
     if options.write:
-        write_tables(PAGE, tables)
+        write_tables(PAGE, {"equal": tables["equal"]})
+        write_tables(REPORT, {"drives": tables["curves"], "extremes": tables["extremes"]})
 
 
 if __name__ == "__main__":

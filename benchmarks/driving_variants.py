@@ -29,7 +29,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.tables import check_options_of_page, show, write_tables
+from benchmarks.tables import REPORT, check_options_of_page, show, write_tables
 from pedpred.driving.episodes import DriveSettings
 from pedpred.driving.figures import Episodes, equal_time, share_interval
 from pedpred.driving.forecasters import Forecaster, PresentMotion
@@ -44,7 +44,6 @@ from pedpred.scenes import Forecast, Predictions
 from pedpred.workers import in_parallel
 from tools.arguments import count, probability
 
-PAGE = Path("docs/driving.md")
 _SHARE = 0.2
 _WIDE_M = 0.15
 _SEEN_AGAIN_S = 0.9
@@ -253,7 +252,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--episodes", type=count, default=120)
     parser.add_argument("--risk", type=probability, nargs="+", default=[0.1, 0.3, 0.6])
     parser.add_argument("--variant", choices=list(VARIANTS), action="append")
-    parser.add_argument("--write", action="store_true", help=f"write the comparison into {PAGE}")
+    parser.add_argument("--write", action="store_true", help=f"write the comparison into {REPORT}")
     options = parser.parse_args(arguments)
     check_options_of_page(parser, options)
     worlds = Worlds(options.world, options.people == REACTIONS[0])
@@ -267,7 +266,7 @@ def main(arguments: list[str] | None = None) -> None:
     compared = list(comparisons(episodes))
     show("at equal time to the goal", compared)
     if options.write:
-        write_tables(PAGE, {"variants": compared})
+        write_tables(REPORT, {"variants": compared})
 
 
 if __name__ == "__main__":

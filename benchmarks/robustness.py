@@ -33,7 +33,7 @@ from benchmarks.people import (
     turning,
     write_jupedsim,
 )
-from benchmarks.tables import check_options_of_page, show, write_tables
+from benchmarks.tables import REPORT, check_options_of_page, show, write_tables
 from pedpred.baselines.present_motion import PRESENT_MOTION, kalman_velocity
 from pedpred.command.evaluation import isolating_shifts, shift_times
 from pedpred.command.prediction import predictor_for
@@ -308,13 +308,13 @@ class Study(NamedTuple):
 
     rows: Callable[[argparse.Namespace], Iterator[Row]]
     model: Path | None = None
-    page: Path = Path("docs/robustness.md")
+    page: Path = REPORT
 
 
 _SIMULATED = Path("models/online/simulation_mixture")
 STUDIES: Mapping[str, Study] = {
     "other_people": Study(other_people),
-    "noise": Study(noise, _SIMULATED),
+    "noise": Study(noise, _SIMULATED, Path("docs/robustness.md")),
     "alone": Study(alone, _SIMULATED),
     "curves": Study(curves, _SIMULATED),
     "corridors": Study(corridors),

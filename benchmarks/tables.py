@@ -12,6 +12,9 @@ from typing import Any
 from pedpred.files import write_json, write_text
 from tools.readme import filled
 
+REPORT = Path("reports/benchmarks.md")
+"""Page of the tables that docs/ only links to."""
+
 Rows = Sequence[Mapping[str, Any]]
 """Rows of a table: column -> cell; all have the columns of the first."""
 

@@ -85,7 +85,7 @@ class ConfigError(PedpredError):
 
     def __init__(self, key: str, value: object, remedy: str):
         super().__init__(f"configuration key '{key}' = {brief(value)}: {remedy}")
-        self.field, self.value = key, value
+        self.field, self.value, self.remedy = key, value, remedy
 
 
 class InputError(PedpredError):

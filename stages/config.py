@@ -10,7 +10,7 @@ import functools
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -36,25 +36,23 @@ from pedpred.report.methods import Methods
 from pedpred.rows.recorded import ViewingSettings
 from pedpred.rows.sampling import RowSettings
 from pedpred.rows.simulated import SequenceSets, SimulatedSet
-from pedpred.settings import check_names, load, load_each, load_together
+from pedpred.settings import load, load_each, load_together
 from pedpred.simulation.clutter import ClutterSettings
 from pedpred.simulation.layouts import layout_from
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.simulation.settings import SimulationSettings, social_force_settings
 from pedpred.sources import SETTINGS
-from pedpred.sources.eth_ucy import EthUcySettings
 from pedpred.training import AutoencoderSettings
 from pedpred.training.distributed import DeviceSettings, ThreadSettings
-from stages import eth_ucy_train
 from stages.code import write_code
 from stages.drive import study_of
-from stages.eth_ucy import MODELS, ComparisonSettings, comparison_of
 from stages.fetch import mirrors_of
 from stages.folds import trained_sets
-from stages.perception import features_of, kalman_of, protocol_of
+from stages.perception import features_of, kalman_of, windows_of
 from stages.references import WHERE, Params, check_references, layout_names, method_names
 from stages.report import read_page, read_paper
 from stages.row_types import (
+    ComparisonRows,
     ExportRow,
     FoldRow,
     OnlineRows,
@@ -64,7 +62,7 @@ from stages.row_types import (
 )
 from stages.sets import SetTracking
 from stages.simulate import read_layouts
-from stages.train import NONE, networks_of, phase_of, training_of
+from stages.train import NONE, networks_of, phase_of, seeds_of, training_of
 from stages.validate_simulation import flow_of
 from stages.worlds import worlds_of
 
@@ -72,6 +70,8 @@ WITHOUT_VELOCITIES = ("eth_ucy", "ewap", "jupedsim")
 """Those of `SOURCES` whose recordings are positions alone."""
 STUDIES = {"sim": False, "transfer": False, "real": True}
 """Groups of conf/folds, and whether their folds are trained."""
+FOLDS = STUDIES | {"eth_ucy": True}
+"""Those of studies beside the main pipeline, too, which may test a set several times."""
 METHODS = ("baselines", "networks")
 """Groups of conf/methods."""
 STAMP = "data/config.checked"
@@ -115,16 +115,16 @@ def _place(cfg: Params, name: str) -> None:
 
 
 def _fold(cfg: Params, study: str) -> None:
-    one_of("folds", study, STUDIES)
+    trained = one_of("folds", study, FOLDS)
     by_others: dict[str, str] = {}
     for name, fold in load_each(FoldRow, folds := part(cfg, "folds", study)).items():
         key, trains = f"folds.{study}.{name}", trained_sets(vars(fold), part(cfg, "places"))
-        if ("train" in folds[name]) != STUDIES[study]:
-            rule = "a fold of this study needs it" if STUDIES[study] else f"folds of {study} are not trained"
+        if ("train" in folds[name]) != trained:
+            rule = "a fold of this study needs it" if trained else f"folds of {study} are not trained"
             raise ConfigError(f"{key}.train", folds[name].get("train"), rule)
         if both := sorted(set(trains) & set(fold.test)):
             raise ConfigError(f"{key}.train", both, "the same fold tests it")
-        for at in fold.test:
+        for at in fold.test if study in STUDIES else ():
             if at in by_others:
                 raise ConfigError(f"{key}.test", at, f"fold {by_others[at]} tests it too; name it once")
             by_others[at] = name
@@ -169,11 +169,11 @@ def _trainings(cfg: Params) -> None:
 
 def weights_of(cfg: Params, network: str) -> list[str]:
     """Checkpoints of a network that trainings write."""
-    weights = [f"{MODELS}/worlds/{name}" for name in cfg["literature"]["networks"] if name == network]
+    weights = []
     for name, it in ((name, training_of(cfg, name)) for name in cfg["trainings"]):
         if network in networks_of(cfg, it.architecture):
-            folds = cfg["folds"][it.folds] if it.folds else [""]
-            weights += [f"models/{name}/{network}/{fold}".rstrip("/") for fold in folds]
+            ends = product(cfg["folds"][it.folds] if it.folds else [""], seeds_of(cfg, it))
+            weights += [Path("models", name, network, *end).as_posix() for end in ends]
     return weights
 
 
@@ -263,29 +263,18 @@ def _report(cfg: Params) -> None:
 
 
 def _literature(cfg: Params) -> None:
-    literature = part(cfg, "literature")
+    """Check the tables of this study as those for which they stand in, see `tables_of`."""
+    study = part(cfg, "literature")
+    own = {**cfg, **study}
     with configured("literature"):
-        names = [*(setting.name for setting in fields(ComparisonSettings)), "networks", "exports"]
-        check_names(names, literature, "", f"there are {', '.join(names)}")
-    with configured("literature.reader"):
-        load(EthUcySettings, {**part(cfg, "literature", "reader"), "recording": ""})
-    for key, fold in part(cfg, "literature", "folds").items():
-        for name in ("test", "train"):
-            sets = fold.get(name) if isinstance(fold, Mapping) else None
-            if not isinstance(sets, list):
-                raise ConfigError(f"literature.folds.{key}.{name}", sets, "it must be a list of names")
-    comparison_of(cfg)
-    with configured("literature"):
-        kalman_of(cfg, cfg["literature"]["tracker"])
-    for name in part(cfg, "literature", "networks"):
-        key, phases = f"literature.networks.{name}", part(cfg, "literature", "networks", name)
-        if set(phases) != set(eth_ucy_train.PHASES):
-            raise ConfigError(
-                key, ", ".join(phases), f"it must have {' and '.join(eth_ucy_train.PHASES)}, nothing else"
-            )
-        for phase in phases:
-            eth_ucy_train.phase_of(cfg, name, phase)
-    _exports(cfg, "literature")
+        load(ComparisonRows, {name: study[name] for name in study.keys() - PARTS.keys() - {"exports"}})
+    try:
+        check_references(own, study)
+        for name in filter(PARTS.get, study):
+            PARTS[name](own)
+    except ConfigError as error:
+        raise ConfigError(f"literature.{error.field}", error.value, error.remedy) from error
+    _exports(own, "literature")
 
 
 PARTS: dict[str, Check] = {
@@ -304,7 +293,7 @@ PARTS: dict[str, Check] = {
     "worlds": worlds_of,
     "situations": _situations,
     "sequences": _whole("sequences", SequenceSets),
-    "protocol": protocol_of,
+    "protocol": windows_of,
     "features": _features,
     "autoencoder": _whole("autoencoder", ThreadSettings, CropSplit, AutoencoderSettings),
     "training": _training,
@@ -352,7 +341,7 @@ NAMED = (
         "online.exports",
         "recording.scenes",
     ),
-    *("driving.places", "literature.folds"),
+    *("driving.places", "literature.places", "literature.trainings", "literature.folds.eth_ucy"),
     *(f"methods.{group}" for group in METHODS),
     *(f"folds.{study}" for study in STUDIES),
 )

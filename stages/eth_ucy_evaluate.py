@@ -1,6 +1,7 @@
 """eth_ucy_evaluate: networks and simple methods in the windows of ETH and UCY."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -11,22 +12,25 @@ from omegaconf import DictConfig
 from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.config import stage
 from pedpred.evaluation import measure
+from pedpred.evaluation.observed import find_observed_windows
 from pedpred.evaluation.scores import mean_scores, write_scores
 from pedpred.models.forecaster import forecaster
 from pedpred.scenes import Scene, Trajectories
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import KalmanBank, tune_kalman
 from pedpred.workers import in_parallel
-from stages.eth_ucy import MODELS, RECORDINGS, TOP, windows_of
-from stages.evaluate import metric_settings
+from stages.evaluate import AUTOENCODER, metric_settings
+from stages.folds import trained_sets
+from stages.perception import perception_of, protocol_of, windows_of
+from stages.sets import tables_of
+
+TOP = Path("data/eth_ucy")
 
 
 def fit_filter(scenes: Iterable[Scene], ahead: int) -> KalmanBank | None:
-    """Fit the noise of the simple methods' filter to what a fold trains on; None if none of it is available.
+    """Fit the noise of the simple methods' filter to recordings, to forecast so many annotations ahead.
 
-    Args:
-        scenes: recordings.
-        ahead: annotations that are forecast.
+    None if no recording is available.
     """
     people = [scene.trajectories for scene in scenes if scene.unavailable is None]
     if not people:
@@ -37,39 +41,43 @@ def fit_filter(scenes: Iterable[Scene], ahead: int) -> KalmanBank | None:
     return KalmanBank.around(tune_kalman(Trajectories(time_s, track_id, position), ahead))
 
 
-def evaluate_recording(
-    cfg: DictConfig, fold: str, scene: str, name: str, fitted: KalmanBank | None, out: Path
-) -> None:
+def evaluate_recording(cfg: DictConfig, fold: str, at: str, fitted: KalmanBank | None, out: Path) -> None:
     """Measure all methods in one recording; networks are the mean of their seeds. A job of one worker."""
     torch.set_num_threads(1)
-    settings, windows = metric_settings(cfg), windows_of(cfg, name)
-    simple = windows if fitted is None else windows_of(cfg, name, memory=False, bank=fitted)
-    if windows is None or simple is None:
+    scene, settings, windows = read_scene(TOP / "scenes" / at), metric_settings(cfg), windows_of(cfg)
+    if scene.unavailable is not None:
         return
-    measured = partial(measure, settings=settings, samples=cfg.literature.samples)
+    assert windows is not None
+    how, _ = perception_of(cfg, cfg.places[scene.name])
+    seen = find_observed_windows(scene, how, windows)
+    simple = seen
+    if fitted is not None:
+        simple = find_observed_windows(scene, replace(how, kalman=fitted), windows, memory=False)
+    measured = partial(measure, settings=settings, samples=cfg.samples)
     scores = measured(simple, {key: method() for key, method in PRESENT_MOTION.items()})
     choices = {"together": settings.together, "learning": False, "trust": False}  # nothing earlier is known
-    for network in cfg.literature.networks:
-        folders = {s: MODELS / "recorded" / network / fold / str(s) for s in cfg.literature.seeds}
-        trained = {
-            f"{network}_{s}": forecaster(f, Path("models/autoencoder"), **choices) for s, f in folders.items()
+    for network in cfg.networks:
+        training = f"eth_ucy_{cfg.methods.networks[network].settings.architecture}_folds"
+        folders = {
+            f"{network}_{seed}": Path("models", training, network, fold, str(seed)) for seed in cfg.seeds
         }
-        seeds = measured(windows, trained)
+        seeds = measured(seen, {key: forecaster(it, AUTOENCODER, **choices) for key, it in folders.items()})
         scores |= {network: mean_scores(list(seeds.values()))} | seeds
     for method, result in scores.items():
-        write_scores(result, out / scene / method / f"{name}.parquet")
+        write_scores(result, out / method / f"{scene.name}.parquet")
 
 
-@stage()
+@stage("study")
 def main(cfg: DictConfig) -> None:
-    """Write data/eth_ucy/scores/<fold>/<scene>/<method>/<recording>.parquet; nothing without recordings."""
+    """Write data/eth_ucy/scores/<fold>/<method>/<recording>.parquet; nothing without recordings."""
+    cfg = tables_of(cfg)
     out, tasks = Path(cfg.get("out", TOP / "scores")), []
-    for key, fold in cfg.literature.folds.items():
+    protocol, _ = protocol_of(cfg)
+    for key, fold in cfg.folds.eth_ucy.items():
         (out / key).mkdir(parents=True, exist_ok=True)
-        trained_on = (read_scene(RECORDINGS / name) for name in fold.train)
-        fitted = fit_filter(trained_on, cfg.literature.protocol.predicted_steps)
-        named = [(scene, name) for scene in fold.test for name in cfg.literature.scenes[scene]]
-        tasks += [(cfg, key, *one, fitted, out / key) for one in named]
+        trained_on = (read_scene(TOP / "scenes" / at) for at in trained_sets(fold, cfg.places))
+        fitted = fit_filter(trained_on, protocol.horizon_steps)
+        tasks += [(cfg, key, at, fitted, out / key) for at in fold.test]
     in_parallel(evaluate_recording, tasks, "literature", "recording")
 
 

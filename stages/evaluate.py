@@ -26,7 +26,6 @@ RESULTS = (Path("data/forecasts"), Path("data/scores"))
 AUTOENCODER = Path("models/autoencoder")
 WEIGHTS = ("baselines", "main", "folds")
 """Of a simple method, which has none; of the main trainings; of the folds."""
-Folds = Mapping[str, Mapping[str, Any]]
 
 
 def tested_sets(folds: Iterable[Mapping[str, Any]], kinds: Iterable[str]) -> list[str]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-OTHERS, SENSED = "others", "simulated/worlds"
-"""What a fold may name in `train`: all places but those that it tests, and sensed worlds, without which
-networks with a memory forget walls. Networks without memory add simulated sets by their phase of training."""
+OTHERS, OTHER_PLACES, SENSED = "others", "other_places", "simulated/worlds"
+"""What a fold may name in `train`: all places but those that it tests, with or without sensed worlds, without
+which networks with a memory forget walls. Networks without memory add simulated sets by their phase."""
 
 
 def trained_sets(fold: Mapping[str, Any], places: Iterable[str]) -> list[str]:
@@ -17,5 +17,6 @@ def trained_sets(fold: Mapping[str, Any], places: Iterable[str]) -> list[str]:
         fold: row of conf/folds with `train`.
         places: names of all places.
     """
-    others = [SENSED, *(at for at in (f"real/{place}" for place in places) if at not in fold["test"])]
-    return [at for named in fold["train"] for at in (others if named == OTHERS else [named])]
+    others = [at for at in (f"real/{place}" for place in places) if at not in fold["test"]]
+    words = {OTHERS: [SENSED, *others], OTHER_PLACES: others}
+    return [at for named in fold["train"] for at in words.get(named, [named])]

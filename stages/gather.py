@@ -16,12 +16,9 @@ from pedpred.settings import load
 
 
 def scores_at(cfg: DictConfig, models: str, at: str) -> dict[str, dict[str, Scores]]:
-    """Read the scores at a test set: scene -> method -> scores, methods in the order of the configuration.
+    """Scores at a test set, kind/name, with the weights of the main training, or of a fold.
 
-    Args:
-        cfg: the configuration.
-        models: whose weights are tested there: main, or a fold.
-        at: the set, kind/name.
+    Returns scene -> method -> scores, methods in the order of the configuration.
     """
     by_test: dict[str, dict[str, Scores]] = {}
     for method in itertools.chain(*cfg.methods.values()):
@@ -40,14 +37,7 @@ def resampling_of(cfg: DictConfig) -> Resampling:
 
 
 def write_figures(out: Path, study: str, figures: Mapping[str, Figures], tested: Iterable[str]) -> None:
-    """Write the figures of a study, and the errors of the test sets alone.
-
-    Args:
-        out: metrics/<study>.json and ade/<study>.json are written there.
-        study: its name.
-        figures: entry -> method -> figure -> value.
-        tested: entries that are whole test sets.
-    """
+    """Write metrics/<study>.json: entry -> method -> figures, and ade/<study>.json of test sets alone."""
     errors_m = {key: {method: row["ade_m"] for method, row in figures[key].items()} for key in tested}
     write_json(out / "metrics" / f"{study}.json", figures)
     write_json(out / "ade" / f"{study}.json", errors_m)

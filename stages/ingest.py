@@ -10,13 +10,14 @@ from pedpred.scenes import Scene, checked_placement
 from pedpred.sources import SOURCES
 from pedpred.sources.mirrors import NOTE
 from pedpred.storage.scenes import write_scene
+from stages.sets import tables_of
 
 
-@stage("name")
+@stage("name", "study")
 def main(cfg: DictConfig) -> None:
-    """Write data/scenes/real/<name>."""
+    """Write data/scenes/real/<name>, a place of the main pipeline or of `study`."""
     name = stage_key(cfg)
-    place = cfg.places[name]
+    place = tables_of(cfg).places[name]
     read = one_of(f"places.{name}.source", place.source, SOURCES)
     note = Path(place.folder, NOTE)
     if note.exists():

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from omegaconf import DictConfig
 
-from pedpred.config import configured, one_of, part, row
+from pedpred.config import configured, part, row
 from pedpred.errors import ConfigError
+from pedpred.evaluation.observed import WindowSettings
 from pedpred.features import ForecastProtocol, ModelFeatures
 from pedpred.features.perception import Following, Perception, parse_tracker
 from pedpred.models.features import parse_features
-from pedpred.scenes import VARIANTS
 from pedpred.settings import load, load_together
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.tracking import KalmanBank, KalmanSettings
+
+OBSERVED = "observed_steps"
+"""Key of a protocol that limits what is known in a window."""
 
 
 def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, ForecastProtocol]:
@@ -33,9 +36,20 @@ def perception_of(cfg: DictConfig, source: DictConfig) -> tuple[Perception, Fore
 
 def protocol_of(cfg: Mapping[str, Any]) -> tuple[ForecastProtocol, Following]:
     """Read what all forecasts have in common, and how people are followed."""
+    options = {key: value for key, value in part(cfg, "protocol").items() if key != OBSERVED}
     with configured("protocol"):
-        protocol, how = load_together([ForecastProtocol, Following], part(cfg, "protocol"))
+        protocol, how = load_together([ForecastProtocol, Following], options)
     return protocol, how
+
+
+def windows_of(cfg: Mapping[str, Any]) -> WindowSettings | None:
+    """Read the windows of a protocol that limits what is known in them; None: it does not."""
+    (protocol, _), options = protocol_of(cfg), part(cfg, "protocol")
+    if OBSERVED not in options:
+        return None
+    ahead, step_s = protocol.horizon_steps, protocol.dt_s
+    with configured("protocol"):
+        return WindowSettings(observed_steps=options[OBSERVED], predicted_steps=ahead, step_s=step_s)
 
 
 def features_of(cfg: Mapping[str, Any], model: str) -> ModelFeatures:
@@ -55,16 +69,3 @@ def kalman_of(cfg: Mapping[str, Any], name: str) -> KalmanSettings:
     if kalman is None:
         raise ConfigError(f"trackers.{name}.kind", "truth", "a Kalman filter is needed here")
     return kalman
-
-
-def variants_of(key: str, source: DictConfig) -> list[str]:
-    """Read the variants of a row of simulations or places.
-
-    Raises:
-        ConfigError: they are no list, or one of them is unknown.
-    """
-    if not isinstance(source.variants, Sequence) or isinstance(source.variants, str):
-        raise ConfigError(f"{key}.variants", source.variants, "a list is needed")
-    for variant in source.variants:
-        one_of(f"{key}.variants", variant, VARIANTS)
-    return list(source.variants)

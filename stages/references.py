@@ -14,7 +14,7 @@ from pedpred.scenes import VARIANTS
 from pedpred.sources import SOURCES
 from pedpred.training.distributed import DeviceSettings
 from stages.export import GROUPS
-from stages.folds import OTHERS, SENSED
+from stages.folds import OTHER_PLACES, OTHERS, SENSED
 from stages.simulate import LAYOUTS
 
 Params = Mapping[str, Any]
@@ -64,7 +64,7 @@ REFERENCES: dict[str, Callable[[Params], Iterable[str]]] = {
         for name in ("tracker", "sensor", "social_force")
     },
     "folds.*.*.test": lambda cfg: set_names(cfg, *SETS),
-    "folds.*.*.train": lambda cfg: [*set_names(cfg, *SETS), SENSED, OTHERS],
+    "folds.*.*.train": lambda cfg: [*set_names(cfg, *SETS), SENSED, OTHERS, OTHER_PLACES],
     "sequences.scenes": _rows("simulations"),
     "training.*.shares": _rows("situations", "simulated"),
     "training.*.sets": lambda cfg: [*set_names(cfg, "simulated"), SENSED],
@@ -81,21 +81,20 @@ REFERENCES: dict[str, Callable[[Params], Iterable[str]]] = {
     "driving.places.*.world": lambda cfg: [NO_WORLD, *KINDS],
     "driving.places.*.model": _folders,
     "driving.places.*.lstm": _folders,
-    "literature.tracker": _rows("trackers"),
-    "literature.networks": _rows("methods", "networks"),
-    "literature.networks.*.*.shares": _rows("situations", "simulated"),
+    "networks": _rows("methods", "networks"),
+    "scenes.*": _rows("places"),
 }
 """Path of names, * for any key -> which there are. A list holds names, a mapping has them as keys."""
 
 
-def check_references(cfg: Params) -> None:
-    """Look up all names.
+def check_references(cfg: Params, tables: Params | None = None) -> None:
+    """Look up all names of a configuration, or of some tables of it.
 
     Raises:
         ConfigError: one is unknown; it names the key.
     """
     for pattern, known in REFERENCES.items():
-        for path, value in found(cfg, pattern.split(".")):
+        for path, value in found(tables or cfg, pattern.split(".")):
             for name in [value] if isinstance(value, str) else value:
                 one_of(path, name, dict.fromkeys(known(cfg)))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pedpred.report.animation import Animation
-from pedpred.settings import In, Settings
+from pedpred.settings import LARGEST_SEED, In, Settings
 
 
 @dataclass(frozen=True)
@@ -87,3 +87,20 @@ class PageRows(Settings):
 
     replays: Mapping[str, Sequence[str]]
     avif_speed: Annotated[int, In("[0, 10]")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparisonRows(Settings):
+    """What is compared on ETH and UCY.
+
+    Attributes:
+        networks: rows of methods.networks.
+        samples: number of paths of which the best one counts.
+        seeds: of the trainings of each fold.
+        scenes: scene -> its recordings, which are pooled.
+    """
+
+    networks: tuple[str, ...]
+    samples: Annotated[int, In("[1, 1000]")]
+    seeds: Annotated[tuple[int, ...], In(f"[0, {LARGEST_SEED}]")]
+    scenes: Mapping[str, Sequence[str]]

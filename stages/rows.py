@@ -14,7 +14,8 @@ import numpy as np
 from omegaconf import DictConfig
 
 from pedpred.config import SETS, configured, one_of, plain, row, stage, stage_key
-from pedpred.features import extract_blocks
+from pedpred.evaluation.observed import WindowSettings, find_observed_windows, training_rows
+from pedpred.features import ModelFeatures, extract_blocks
 from pedpred.features.perception import Perception, perceived
 from pedpred.models.features import RowFormat
 from pedpred.rows.files import scene_digest, step_columns, write_manifest, write_shard
@@ -26,10 +27,12 @@ from pedpred.settings import load
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
 from pedpred.workers import in_parallel
-from stages.perception import features_of, perception_of, protocol_of, variants_of
+from stages.perception import features_of, perception_of, protocol_of, windows_of
+from stages.sets import tables_of
 from stages.worlds import worlds_of
 
-SCENES = Path("data/scenes")
+_STRETCHES = 5
+"""Of equal time, of a recording whose rows are those of windows."""
 Blocks = Iterable[Mapping[str, np.ndarray]]
 """Rows of a file, block by block."""
 
@@ -65,6 +68,11 @@ def write_file(
     write_shard(make(*arguments), out, name, row_format)
 
 
+def scenes_of(cfg: DictConfig) -> Path:
+    """Folder of all sets of scenes; a study has its own."""
+    return Path(cfg.get("folder", "data/scenes"))
+
+
 def sampling_of(cfg: DictConfig, model: str) -> RowSampling:
     """Read how tracked people and their future become rows of a model's inputs."""
     protocol, how = protocol_of(cfg)
@@ -80,16 +88,17 @@ def steps_of_scenes(cfg: DictConfig, model: str, kind: str, key: str, out: Path)
     Nobody is trained on stand-ins.
     """
     source = cfg[SETS[kind]][key]
-    variants = variants_of(f"{SETS[kind]}.{key}", source)
+    for variant in source.variants:
+        one_of(f"{SETS[kind]}.{key}.variants", variant, VARIANTS)
     how, protocol = perception_of(cfg, source)
     row_format, phase_offsets = RowFormat(protocol, model, features_of(cfg, model)), 1
     if not protocol.noncausal:  # resampled tracks have one phase
         phase_offsets = source.phase_offsets
     files, scenes = {}, {}
-    for folder in scene_folders(SCENES / kind / key):
+    for folder in scene_folders(scenes_of(cfg) / kind / key):
         if read_scene(folder).stand_in is None:
             digest = scene_digest(folder)
-            for variant in ("", *variants):
+            for variant in ("", *source.variants):
                 name = f"{folder.name}_{variant}" if variant else folder.name
                 files[name] = (scene_steps, folder, variant, name, how, row_format, phase_offsets)
                 scenes[name] = digest
@@ -161,11 +170,29 @@ def instants_of_place(cfg: DictConfig, model: str, key: str, out: Path) -> RowSe
         rate_hz = load(SensorSettings, row(cfg, "sensors", sensor)).rate_hz
     with configured("situations.real"):
         settings = load(ViewingSettings, plain(cfg.situations.real))
-    folder = SCENES / "real" / key
+    folder = scenes_of(cfg) / "real" / key
     scene = read_scene(folder)
     numbers = range(0 if scene.unavailable or scene.stand_in else settings.viewings)
     files = {f"{key}_{n}": (instants_of_viewing, folder, n, rate_hz, settings, sampling) for n in numbers}
     return RowSet(out, sampling.row_format, files, {name: name for name in files})
+
+
+def instants_of_windows(cfg: DictConfig, model: str, key: str, out: Path) -> RowSet:
+    """An instant for each window of a place whose protocol observes some annotations; none without it."""
+    (how, protocol), windows = perception_of(cfg, cfg.places[key]), windows_of(cfg)
+    row_format, folder = RowFormat(protocol, model, features_of(cfg, model)), scenes_of(cfg) / "real" / key
+    files = {}
+    if read_scene(folder).unavailable is None:
+        files = {key: (window_instants, folder, how, windows, row_format.features)}
+    return RowSet(out, row_format, files, {name: name for name in files})
+
+
+def window_instants(
+    folder: Path, how: Perception, windows: WindowSettings, features: ModelFeatures
+) -> Blocks:
+    """Rows of the windows of a recording, in stretches of time of which some are kept for validation."""
+    found = find_observed_windows(read_scene(folder), how, windows, memory=False)
+    return training_rows(found, features, _STRETCHES)
 
 
 def instants_of_viewing(folder: Path, number: int, *arguments: Any) -> Blocks:
@@ -184,13 +211,18 @@ def sets_of(cfg: DictConfig, model: str, kind: str, out: Path) -> Iterator[RowSe
         for key in cfg.situations.simulated:
             yield instants_of_worlds(cfg, model, key, out / key)
     else:
+        make = instants_of_windows if windows_of(cfg) else instants_of_place
         for key in cfg.places:
-            yield instants_of_place(cfg, model, key, out / key)
+            yield make(cfg, model, key, out / key)
 
 
-@stage("name", "kind")
+@stage("name", "kind", "study", "folder")
 def main(cfg: DictConfig) -> None:
-    """Write data/rows/<name>/<kind>, a folder per set; `name` is a row of conf/features."""
+    """Write data/rows/<name>/<kind>, a folder per set; `name` is a row of conf/features.
+
+    `folder` is that of the scenes; `study` has its own places and protocol.
+    """
+    cfg = tables_of(cfg)
     model, kind = stage_key(cfg), one_of("kind", cfg.kind, {kind: kind for kind in SETS})
     one_of("name", model, cfg.features)
     out = Path(cfg.get("out") or f"data/rows/{model}/{kind}")

@@ -1,10 +1,13 @@
-"""What rows of simulations and places have in common."""
+"""What rows of simulations and places have in common, and the tables of studies beside the main pipeline."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Annotated
 
+from omegaconf import DictConfig, OmegaConf
+
+from pedpred.config import part, plain
 from pedpred.settings import In, Settings
 
 
@@ -25,3 +28,8 @@ class SetTracking(Settings):
     sensor: str
     phase_offsets: Annotated[int, In("[1, 100]")]
     variants: tuple[str, ...]
+
+
+def tables_of(cfg: DictConfig) -> DictConfig:
+    """The configuration, in which tables of its `study`, if any, stand in for those of the same names."""
+    return OmegaConf.create({**plain(cfg), **part(cfg, cfg.study)}) if "study" in cfg else cfg

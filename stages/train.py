@@ -6,12 +6,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from omegaconf import DictConfig
 
-from pedpred.config import configured, one_of, part, stage, stage_key
+from pedpred.config import configured, one_of, part, row, stage, stage_key
 from pedpred.models.contract import NetworkSettings
 from pedpred.models.registry import parse_settings
 from pedpred.rows.files import count_rows_of
@@ -23,6 +23,7 @@ from pedpred.training.fit import copy_phase, fit, load_training_rows, write_curv
 from pedpred.training.sets import NamedSets, RealShare
 from pedpred.workers import in_parallel
 from stages.folds import trained_sets
+from stages.sets import tables_of
 
 NONE = "data/config.checked"
 """Where a row of `trainings` names a folder that its training does not read."""
@@ -30,18 +31,7 @@ NONE = "data/config.checked"
 
 @dataclass(frozen=True)
 class Training(Settings):
-    """A row of conf/trainings, see there.
-
-    Attributes:
-        architecture: whose networks are trained.
-        phase: row of conf/training.
-        rows: folder of the sets.
-        embeddings: the frozen encoder's outputs for them.
-        encoder: its checkpoint.
-        previous: folder of the weights to start from; the encoder itself, or `NONE`.
-        curves: folder of the validation scores over the steps.
-        folds: group of conf/folds; empty: none.
-    """
+    """A row of conf/trainings, where its fields are described."""
 
     architecture: str
     phase: str
@@ -61,8 +51,7 @@ def training_of(cfg: Mapping[str, Any], name: str) -> Training:
     """Read a row of `trainings`."""
     one_of("name", name, cfg["trainings"])
     with configured(f"trainings.{name}"):
-        row: Training = load(Training, part(cfg, "trainings", name))
-    return row
+        return load(Training, part(cfg, "trainings", name))
 
 
 def device_of(cfg: DictConfig) -> DeviceSettings:
@@ -83,25 +72,16 @@ def architecture_of(cfg: Mapping[str, Any], name: str) -> NetworkSettings:
 
 def phase_of(cfg: Mapping[str, Any], phase: str) -> Phase:
     """Read a row of `training`: how to train, and what it says about its sets."""
-    return read_phase(f"training.{phase}", part(cfg, "training", phase))
-
-
-def read_phase(key: str, options: Mapping[str, Any]) -> Phase:
-    """Make a phase of its options; `key` names them in errors."""
+    options = row(cfg, "training", phase)
     how = InstantSettings if "shares" in options else SequenceSettings
-    with configured(key):
+    with configured(f"training.{phase}"):
         kinds = [kind for kind, name in ((NamedSets, "sets"), (RealShare, "real_share")) if name in options]
         settings, *data = load_together([how, *kinds], options)
     return settings, data[0] if data else None
 
 
 def sets_of(phase: Phase, real: Mapping[str, int]) -> tuple[FitSettings, list[str]]:
-    """How and on which sets a network is trained: kind/name of each.
-
-    Args:
-        phase: of the training.
-        real: real sets that may be trained on -> number of their rows.
-    """
+    """How and on which sets a network is trained, of the phase and of `real` ones with so many rows."""
     settings, data = phase
     if isinstance(settings, InstantSettings):
         shares = {f"simulated/{key}": share for key, share in settings.shares.items()}
@@ -118,39 +98,32 @@ def count_real(rows: Path, sets: Iterable[str]) -> dict[str, int]:
 
 
 def networks_of(cfg: Mapping[str, Any], architecture: str) -> list[str]:
-    """Names of the networks of an architecture."""
-    rows = cfg["methods"]["networks"].items()
-    return [name for name, row in rows if row["settings"]["architecture"] == architecture]
+    """Names of the networks of an architecture; a study has the names of its own in `networks`."""
+    rows = cfg["methods"]["networks"]
+    named = cfg.get("networks", rows)
+    return [name for name in named if rows[name]["settings"]["architecture"] == architecture]
 
 
-class Inputs(NamedTuple):
-    """What a training reads.
-
-    Attributes:
-        rows: folder of the sets, by kind and name.
-        embeddings: of the frozen encoder's outputs for them, likewise.
-        encoder: its checkpoint.
-        previous: checkpoint of the weights to start from, or of the encoder; None: random weights.
-    """
-
-    rows: Path
-    embeddings: Path
-    encoder: Path
-    previous: Path | None
+def seeds_of(cfg: Mapping[str, Any], training: Training) -> list[str]:
+    """Seeds of a training on folds, if a study has some; no name stands for that of the phase."""
+    return [str(seed) for seed in cfg.get("seeds", [""])] if training.folds else [""]
 
 
-def inputs_of(row: Training, network: str) -> Inputs:
-    """What a training of a network reads."""
-    rows, embeddings, encoder = Path(row.rows), Path(row.embeddings), Path(row.encoder)
-    if rows.name == "simulated":
-        rows, embeddings = rows.parent, embeddings.parent
-    previous = Path(row.previous) if row.previous == row.encoder else Path(row.previous, network)
-    return Inputs(rows, embeddings, encoder, None if row.previous == NONE else previous)
+def top_of(folder: str) -> Path:
+    """Folder of the sets by kind and name; trainings in simulation name the one of the simulated sets."""
+    return Path(folder).parent if Path(folder).name == "simulated" else Path(folder)
 
 
-def real_sets(cfg: DictConfig, row: Training, fold: Mapping[str, Any] | None, steps: bool) -> list[str]:
+def previous_of(training: Training, network: str) -> Path | None:
+    """Checkpoint of the weights to start from, or of the encoder; None: random weights."""
+    if training.previous in (NONE, training.encoder):
+        return None if training.previous == NONE else Path(training.encoder)
+    return Path(training.previous, network)
+
+
+def real_sets(cfg: DictConfig, training: Training, fold: Mapping[str, Any] | None, steps: bool) -> list[str]:
     """Names of the sets that a training may read beside those of its phase: of a fold, or of all places."""
-    if Path(row.rows).name == "simulated":
+    if Path(training.rows).name == "simulated":
         return []
     named = [f"real/{key}" for key in cfg.places] if fold is None else trained_sets(fold, cfg.places)
     return [key for key in named if steps or key.startswith("real/")]
@@ -159,49 +132,54 @@ def real_sets(cfg: DictConfig, row: Training, fold: Mapping[str, Any] | None, st
 def train(
     cfg: DictConfig,
     network: str,
+    training: Training,
     settings: FitSettings,
     sets: list[str],
-    given: Inputs,
     out: Path,
     curve: Path,
 ) -> None:
     """Train a network on some sets; without any it is the one before. A job of one worker."""
+    previous = previous_of(training, network)
     if not sets:
-        assert given.previous is not None
-        copy_phase(given.previous, out, curve)
+        assert previous is not None
+        copy_phase(previous, out, curve)
         return
     architecture, device = architecture_of(cfg, network), device_of(cfg)
     title = f"{curve.parent.name}, {curve.stem}"
-    rows, embeddings = ({key: top / key for key in sets} for top in (given.rows, given.embeddings))
+    tops = top_of(training.rows), top_of(training.embeddings)
+    rows, embeddings = ({key: top / key for key in sets} for top in tops)
     with configured("training"), distributed_context(device.device, device.autocast) as here:
-        loaded = load_training_rows(architecture, rows, embeddings, given.encoder)
-        trained, progress, about = fit(architecture, given.previous, loaded, settings, title, here)
+        loaded = load_training_rows(architecture, rows, embeddings, Path(training.encoder))
+        trained, progress, about = fit(architecture, previous, loaded, settings, title, here)
         if here.writes:
             write_checkpoint(out, trained.state_dict(), about)
             write_curve(progress, curve)
 
 
-@stage("name", "network", "fold", "curve")
+@stage("name", "network", "fold", "curve", "study")
 def main(cfg: DictConfig) -> None:
-    """Train row `name` of conf/trainings: models/<name>, a folder per network, and in it one per fold.
+    """Train row `name` of conf/trainings: models/<name>, a folder per network, in it one per fold and seed.
 
     `network` and `fold` choose one. Several processes: `torchrun -m stages.train`.
     """
+    cfg = tables_of(cfg)
     name = stage_key(cfg)
-    row = training_of(cfg, name)
-    out, curves = Path(cfg.get("out", f"models/{name}")), Path(cfg.get("curve", row.curves))
-    networks = chosen("network", cfg.get("network"), networks_of(cfg, row.architecture))
-    if row.folds:
-        folds = one_of(f"trainings.{name}.folds", row.folds, cfg.folds)
+    training, tasks = training_of(cfg, name), []
+    out, curves = Path(cfg.get("out", f"models/{name}")), Path(cfg.get("curve", training.curves))
+    networks = chosen("network", cfg.get("network"), networks_of(cfg, training.architecture))
+    if training.folds:
+        folds = one_of(f"trainings.{name}.folds", training.folds, cfg.folds)
         named = [(f"finetune_{key}", folds[key], key) for key in chosen("fold", cfg.get("fold"), list(folds))]
     else:
-        named = [(name.removeprefix(f"{row.architecture}_"), None, "")]
-    phase, tasks = phase_of(cfg, row.phase), []
-    for network, (title, fold, key) in product(networks, named):
-        given = inputs_of(row, network)
-        real = real_sets(cfg, row, fold, isinstance(phase[0], SequenceSettings))
-        how = sets_of(phase, count_real(given.rows, real))
-        tasks.append((cfg, network, *how, given, out / network / key, curves / f"{title}_{network}.tsv"))
+        named = [(name.removeprefix(f"{training.architecture}_"), None, "")]
+    phase = phase_of(cfg, training.phase)
+    for title, fold, key in named:
+        real = real_sets(cfg, training, fold, isinstance(phase[0], SequenceSettings))
+        settings, sets = sets_of(phase, count_real(top_of(training.rows), real))
+        for network, seed in product(networks, seeds_of(cfg, training)):
+            how = replace(settings, seed=int(seed)) if seed else settings
+            curve = curves / f"{'_'.join(filter(None, (title, network, seed)))}.tsv"
+            tasks.append((cfg, network, training, how, sets, out / network / key / seed, curve))
     in_parallel(train, tasks, name, "training")
 
 

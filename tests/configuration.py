@@ -20,7 +20,7 @@ def read(path: str) -> Any:
 
 
 def composed(*overrides: str) -> dict[str, Any]:
-    """What conf/ composes to, as `test_house.py` says; without overrides that is params.yaml.
+    """What conf/ composes to; without overrides that is params.yaml, as `make check` says.
 
     Overrides of values are applied, by Hydra's function for it, to what files are composed to once.
     """

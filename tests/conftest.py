@@ -111,16 +111,7 @@ def browser():
         opened.close()
 
 
-LONGEST = [
-    "pipeline", "page_commands", "own_place", "adding_things", "broken_streams", "driving_study",
-    "compile_cache", "package", "machines", "ablation", "worlds", "warm_up", "processes", "site",
-    "formats", "laws", "config", "page", "house", "folds", "evaluate", "compiled", "driving",
-    "evaluation_memory", "mixture",
-]  # fmt: skip
-"""Modules that take longest; what waits much is first."""
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let the longest modules begin first: they wait beside others, and none of them ends alone."""
-    place = {f"test_{name}": k for k, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
+    """Let modules with slow tests begin first: they wait beside others, and none of them ends alone."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pedpred.arrays import read_only, real_number, real_numbers
-from pedpred.errors import ValueRuleError
 from pedpred.features.surroundings import Pedestrians
 from pedpred.geometry import Homography
 from pedpred.online import OnlinePredictor
 from pedpred.scenes import Camera, Forecast, OccupancyMap, Predictions, Scene, Trajectories
+from tests.refused import refused
 
 REFUSED = {
     "masked": lambda v: np.ma.masked_array(v, np.arange(v.size).reshape(v.shape) == 0),
@@ -47,55 +47,43 @@ def predictions(**changed):
     return Predictions(**(PATHS | {"dt_s": 0.3} | changed))
 
 
-FIELDS = {
-    "Trajectories.track_id": (trajectories, "track_id", PEOPLE["track_id"]),
-    "Trajectories.goal": (trajectories, "goal", PEOPLE["position"]),
-    "OccupancyMap.origin": (lambda **own: replace(GROUND, **own), "origin", np.arange(2.0)),
-    "Predictions.path": (predictions, "path", PATHS["path"]),
-    "Predictions.covariance": (predictions, "covariance", np.ones((2, 1, 3, 2, 2))),
-    "Homography.matrix": (lambda homography: Homography(homography), "homography", np.diag([1.0, 2.0, 3.0])),
-    "Camera.picture": (
-        lambda picture: Camera(Homography(np.eye(3)), picture),
-        "picture",
-        np.arange(12.0).reshape(2, 2, 3),
-    ),
-    "Pedestrians.position": (
+FIELDS = [  # maker, field, value
+    (trajectories, "track_id", PEOPLE["track_id"]),
+    (trajectories, "goal", PEOPLE["position"]),
+    (lambda **own: replace(GROUND, **own), "origin", np.arange(2.0)),
+    (predictions, "path", PATHS["path"]),
+    (predictions, "covariance", np.ones((2, 1, 3, 2, 2))),
+    (lambda homography: Homography(homography), "homography", np.diag([1.0, 2.0, 3.0])),
+    (lambda picture: Camera(Homography(np.eye(3)), picture), "picture", np.arange(12.0).reshape(2, 2, 3)),
+    (
         lambda position: Pedestrians(np.arange(3), position, np.zeros(3), np.zeros((3, 2))),
         "position",
         PEOPLE["position"],
     ),
-    "Forecast.velocity": (
-        lambda velocity: Forecast(0.0, np.arange(2), velocity, predictions()),
-        "velocity",
-        np.ones((2, 3, 2)),
-    ),
-}
+    (lambda velocity: Forecast(0.0, np.arange(2), velocity, predictions()), "velocity", np.ones((2, 3, 2))),
+]
 
 
 @pytest.mark.parametrize("kind", REFUSED)
-@pytest.mark.parametrize("field", FIELDS)
-def test_a_value_type_refuses_what_is_no_real_number(field, kind):
-    make, name, value = FIELDS[field]
-    with pytest.raises(ValueRuleError) as refused:
-        make(**{name: REFUSED[kind](value)})
-    assert refused.value.field.startswith(name)
+def test_a_value_type_refuses_what_is_no_real_number(kind):
+    for make, name, value in FIELDS:
+        with refused(name):
+            make(**{name: REFUSED[kind](value)})
 
 
 @pytest.mark.parametrize("kind", [kind for kind in REFUSED if kind != "truth values"])
 def test_a_map_refuses_cells_that_are_no_real_numbers(kind):
-    with pytest.raises(ValueRuleError) as refused:
+    with refused("occupied"):
         OccupancyMap(REFUSED[kind](np.eye(2)), [0, 0], 1.0)
-    assert refused.value.field.startswith("occupied")
 
 
-@pytest.mark.parametrize("kind", REFUSED)
 @pytest.mark.parametrize("name", ["track_id", "position", "velocity"])
-def test_an_update_refuses_what_is_no_real_number(name, kind, mixture):
+def test_an_update_refuses_what_is_no_real_number(name, mixture):
     robot = OnlinePredictor.load(mixture[0])
     frame = {"track_id": np.arange(3), "position": PEOPLE["position"], "velocity": PEOPLE["position"]}
-    with pytest.raises(ValueRuleError) as refused:
-        robot.update(0.0, **(frame | {name: REFUSED[kind](frame[name])}))
-    assert refused.value.field.startswith(name)
+    for wrong in REFUSED.values():
+        with refused(name):
+            robot.update(0.0, **(frame | {name: wrong(frame[name])}))
     assert len(robot.update(0.0, **frame)) == 3
 
 
@@ -106,35 +94,29 @@ def test_missing_values_of_a_table_are_refused_by_name(name, kind, mixture):
     table.loc[1] = pd.NA
     column = table["id" if name == "track_id" else ["x", "y"]].astype(kind)
     arguments = {"track_id": [1, 2], "position": np.eye(2), "velocity": np.eye(2)} | {name: column}
-    for take in (
-        lambda: OnlinePredictor.load(mixture[0]).update(0.0, **arguments),
-        lambda: Trajectories(np.zeros(2), **arguments),
-    ):
-        with pytest.raises(ValueRuleError) as refused:
-            take()
-        assert refused.value.field.startswith(name)
+    with refused(name):
+        OnlinePredictor.load(mixture[0]).update(0.0, **arguments)
+    with refused(name):
+        Trajectories(np.zeros(2), **arguments)
 
 
 @pytest.mark.parametrize("kind", TAKEN)
-@pytest.mark.parametrize("field", FIELDS)
-def test_a_value_type_takes_numbers_of_any_kind(field, kind):
-    make, name, value = FIELDS[field]
-    taken = getattr(make(**{name: TAKEN[kind](value)}), "matrix" if name == "homography" else name)
-    assert type(taken) is np.ndarray
-    np.testing.assert_array_equal(taken, value)
+def test_a_value_type_takes_numbers_of_any_kind(kind):
+    for make, name, value in FIELDS:
+        taken = getattr(make(**{name: TAKEN[kind](value)}), "matrix" if name == "homography" else name)
+        assert type(taken) is np.ndarray
+        np.testing.assert_array_equal(taken, value)
 
 
 @pytest.mark.parametrize("value", [np.ma.masked, 1 + 0j, "2", None, True, [1.0], 10**400])
 def test_one_number_is_one_real_number(value):
-    for make in (
-        lambda: real_number("resolution_m", value),
-        lambda: OccupancyMap([[0]], [0, 0], value),
-        lambda: predictions(dt_s=value),
-        lambda: Scene("place", trajectories(), GROUND, value),
-    ):
-        with pytest.raises(ValueRuleError) as refused:
+    for field, make in {
+        "resolution_m": lambda: OccupancyMap([[0]], [0, 0], value),
+        "dt_s": lambda: predictions(dt_s=value),
+        "detection_dt_s": lambda: Scene("place", trajectories(), GROUND, value),
+    }.items():
+        with refused(field):
             make()
-        assert refused.value.field in ("resolution_m", "dt_s", "detection_dt_s")
 
 
 @given(st.integers(-(2**63), 2**64 - 1) | st.floats(width=64))
@@ -168,9 +150,7 @@ def unpickled(ground):
     return pickle.loads(pickle.dumps(ground))  # noqa: S301 (of our own making)
 
 
-@pytest.mark.parametrize(
-    "again", [copy.copy, copy.deepcopy, unpickled, lambda ground: replace(ground, resolution_m=0.2)]
-)
+@pytest.mark.parametrize("again", [copy.copy, copy.deepcopy, unpickled])
 def test_the_arrays_of_a_map_cannot_be_written(again):
     ground = again(OccupancyMap(np.eye(2, dtype=bool), np.zeros(2), 0.1))
     for values in (ground.occupied, ground.origin):
@@ -190,13 +170,13 @@ def test_writing_into_an_answer_changes_no_later_answer(name, request):
     """Even where the caller makes its arrays writable."""
     folder = request.getfixturevalue(name)[0]
     robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
-    for k in range(20):
+    for k in range(12):
         seen = 0.2 * k, [1, 2], [[0.2 * k, 0.0], [3.0, 0.1 * k]]
         one, two = robot.update(*seen), other.update(*seen)
         np.testing.assert_array_equal(one.track_id, two.track_id)
         np.testing.assert_array_equal(one.velocity, two.velocity)
-        for name_, values in one.predictions.arrays().items():
-            np.testing.assert_array_equal(values, getattr(two.predictions, name_))
+        for field, values in one.predictions.arrays().items():
+            np.testing.assert_array_equal(values, getattr(two.predictions, field))
         for values in (one.track_id, one.velocity, *one.predictions.arrays().values()):
             while values is not None:
                 if values.flags.owndata:

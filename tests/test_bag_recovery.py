@@ -46,7 +46,7 @@ def test_an_mcap_file_that_is_cut_is_read_up_to_there(tmp_path, caplog):
     whole, path, found = write("mcap", tmp_path, 400), tmp_path / "cut.mcap", []
     repacked(whole, path, CompressionType.ZSTD, chunk_size=2000)
     raw = path.read_bytes()
-    for share in np.linspace(0.05, 0.999, 12):
+    for share in (0.05, 0.2, 0.5, 0.8, 0.999):
         path.write_bytes(raw[: int(share * len(raw))])
         caplog.clear()
         try:
@@ -67,24 +67,23 @@ def test_another_damaged_file_is_refused_with_what_repairs_it(kind, remedy, tmp_
     if kind == "mcap":  # with checksums
         repacked(path, path := tmp_path / "hall.mcap", CompressionType.NONE)
     raw = path.read_bytes()
-    for share in (0.3, 0.5, 0.7):
-        size = int(share * len(raw))
-        path.write_bytes(raw[:size] + (bytes(500) + raw[size + 500 :] if kind == "mcap" else b""))
-        with pytest.raises(InputError) as error:
-            read_bag(path)
-        assert remedy in str(error.value)
+    half = len(raw) // 2
+    path.write_bytes(raw[:half] + (bytes(500) + raw[half + 500 :] if kind == "mcap" else b""))
+    with pytest.raises(InputError) as error:
+        read_bag(path)
+    assert remedy in str(error.value)
 
 
 @pytest.mark.parametrize("kind", ["db3", "mcap"])
-@pytest.mark.parametrize("about", [None, "", "storage_identifier: ''"])
-def test_a_folder_is_read_whatever_metadata_yaml_says(kind, about, tmp_path):
+def test_a_folder_is_read_whatever_metadata_yaml_says(kind, tmp_path):
     """A killed recorder writes none, or an empty one; `ros2 bag reindex` names no storage."""
     folder = write(kind, tmp_path).parent
     (folder / "metadata.yaml").unlink()
-    if about is not None:
+    assert walked(read_bag(folder)) == COUNT
+    for about in ("", "storage_identifier: ''"):
         (folder / "metadata.yaml").write_text(about)
-    assert is_bag(folder)
-    assert walked(open_scene(folder)) == COUNT
+        assert is_bag(folder)
+        assert walked(read_bag(folder)) == COUNT
 
 
 def test_files_follow_in_the_order_of_their_numbers(tmp_path, caplog):
@@ -109,31 +108,21 @@ def test_a_folder_without_files_of_a_bag_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["db3", "mcap", "bag"])
-def test_a_file_that_is_compressed_as_a_whole_is_unpacked(kind, tmp_path):
+def test_a_file_that_is_compressed_as_a_whole_is_unpacked(kind, tmp_path, monkeypatch):
     path = write(kind, tmp_path)
-    raw = zstandard.compress(path.read_bytes())
     packed = path.with_name(f"{path.name}.zstd")
-    packed.write_bytes(raw)
+    packed.write_bytes(zstandard.compress(path.read_bytes()))
     if kind != "bag":
         assert walked(read_bag(path.parent)) == COUNT  # both are there
         path.unlink()
         assert walked(read_bag(path.parent)) == COUNT
-    assert is_bag(packed)
     scene = open_scene(packed)
     assert (walked(scene), scene.name) == (COUNT, "hall")
-    packed.write_bytes(raw[: len(raw) // 2])
+    for limit in ("BYTES", "RATIO"):  # then it would fill the disk
+        monkeypatch.setattr(f"pedpred.ros.bag_files._LARGEST_{limit}", 1)
     with pytest.raises(InputError) as error:
         read_bag(packed)
     assert error.value.path == packed
-
-
-def test_a_file_that_would_fill_the_disk_is_refused(tmp_path, monkeypatch):
-    path = tmp_path / "hall.mcap.zstd"
-    path.write_bytes(zstandard.compress(bytes(2**20)))
-    monkeypatch.setattr("pedpred.ros.bag_files._LARGEST_BYTES", 1000)
-    with pytest.raises(InputError) as error:
-        read_bag(path)
-    assert error.value.path == path
 
 
 def test_a_write_ahead_log_is_read(tmp_path):
@@ -167,10 +156,3 @@ def test_damaged_messages_are_left_out_and_counted(kind, tmp_path, caplog):
     path.write_bytes(raw)
     with pytest.raises(InputError):
         read_bag(path)
-
-
-@pytest.mark.parametrize("raw", [b"", b"nothing of this kind"])
-def test_a_file_that_is_no_bag_is_refused(raw, tmp_path):
-    (tmp_path / "hall.bag").write_bytes(raw)
-    with pytest.raises(InputError):
-        read_bag(tmp_path / "hall.bag")

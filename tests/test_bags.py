@@ -13,9 +13,8 @@ from mcap.writer import MCAP0_MAGIC, CompressionType
 from rosbags import rosbag1, rosbag2
 
 from pedpred.command import main
-from pedpred.command.recordings import open_scene
 from pedpred.errors import InputError
-from pedpred.ros import PEOPLE_FIELDS, read_bag, unpacking, write_recording
+from pedpred.ros import PEOPLE_FIELDS, read_bag, unpacking
 from pedpred.ros.definitions import EDITIONS
 from pedpred.storage.scenes import read_scene, write_scene
 from tests.bags import GRID, PEOPLE, Store, bag, check, repacked, stream, tracks_of, write_mcap
@@ -24,18 +23,20 @@ from tests.worlds import walled_scene
 AGENTS = "hunav_msgs/msg/Agents"
 
 
-@pytest.mark.parametrize("kind", sorted(PEOPLE_FIELDS))
-def test_people_of_every_type_are_read(kind, ros2, tmp_path):
-    check(read_bag(ros2.write(tmp_path / "hall", stream(ros2, kind))), tracks_of(kind))
+def edit(folder, script):
+    """Run SQL on the database of a bag; its folder."""
+    with closing(sqlite3.connect(folder / "hall.db3")) as base:
+        base.executescript(script)
+    return folder
 
 
-@pytest.mark.parametrize("kind", sorted(PEOPLE_FIELDS))
 @pytest.mark.parametrize("edition", range(len(EDITIONS)))
-def test_every_type_is_known_without_definitions(kind, edition, tmp_path):
+def test_every_type_is_known_without_definitions(edition, tmp_path):
     """As of a recorder on which the package is not installed."""
-    path = write_mcap(Store(edition), tmp_path / "hall.mcap", kind, "cdr", "ros2msg")
-    has_ids = edition < 2 or "vision" not in kind
-    check(read_bag(path), tracks_of(kind if has_ids else "geometry_msgs/msg/PoseArray"))
+    for kind in sorted(PEOPLE_FIELDS):
+        path = write_mcap(Store(edition), tmp_path / "hall.mcap", kind, "cdr", "ros2msg")
+        has_ids = edition < 2 or "vision" not in kind
+        check(read_bag(path), tracks_of(kind if has_ids else "geometry_msgs/msg/PoseArray"))
 
 
 @pytest.mark.parametrize(
@@ -47,10 +48,7 @@ def test_every_type_is_known_without_definitions(kind, edition, tmp_path):
     ids=["before Iron", "empty"],
 )
 def test_databases_may_lack_definitions(change, ros2, tmp_path):
-    ros2.write(tmp_path / "hall", stream(ros2))
-    with closing(sqlite3.connect(tmp_path / "hall" / "hall.db3")) as base:
-        base.executescript(change)
-    check(read_bag(tmp_path / "hall"))
+    check(read_bag(edit(ros2.write(tmp_path / "hall", stream(ros2)), change)))
 
 
 @pytest.mark.parametrize("defined", [True, False])
@@ -60,54 +58,46 @@ def test_messages_of_ros_1_in_mcap_are_read(defined, tmp_path):
     check(read_bag(write_mcap(store, tmp_path / "hall.mcap", PEOPLE, "ros1", "ros1msg", defined)))
 
 
-def test_every_storage_is_read(ros2, tmp_path):
-    ros1 = Store(ros1=True)
-    check(read_bag(ros1.write(tmp_path / "hall.bag", stream(ros1))))
-    check(read_bag(ros2.write(tmp_path / "hall", stream(ros2), rosbag2.StoragePlugin.MCAP)))
-    check(read_bag(next((tmp_path / "hall").glob("*.mcap")), "/tracks"))
+@pytest.mark.parametrize("packing", ["none", "BZ2", "LZ4"])
+def test_a_bag_of_ros_1_is_read_however_it_is_packed(packing, tmp_path):
+    writer, store = rosbag1.Writer(tmp_path / "hall.bag"), Store(ros1=True)
+    if packing != "none":
+        writer.set_compression(rosbag1.Writer.CompressionFormat[packing])
+    store.fill(writer, stream(store))
+    check(read_bag(tmp_path / "hall.bag"))
 
 
-@pytest.mark.parametrize(
-    ("fields", "names"),
-    [
-        ("tracks , id=track_id,position=pose.pose.position", (3, 8)),
-        ("tracks,position=pose.pose.position", (1, 2)),
-    ],
-)
-def test_people_of_any_type_are_read_by_their_fields(fields, names, ros2, tmp_path):
+@pytest.mark.parametrize("packing", list(CompressionType))
+def test_mcap_is_read_however_its_chunks_are_packed(packing, ros2, tmp_path):
+    folder = ros2.write(tmp_path / "hall", stream(ros2), rosbag2.StoragePlugin.MCAP)
+    check(read_bag(folder))
+    repacked(next(folder.glob("*.mcap")), tmp_path / "hall.mcap", packing)
+    check(read_bag(tmp_path / "hall.mcap", "/tracks"))
+
+
+@pytest.mark.parametrize(("ids", "names"), [("id=track_id,", (3, 8)), ("", (1, 2))])
+def test_people_of_any_type_are_read_by_their_fields(ids, names, ros2, tmp_path):
     """Here as if the type were not known; positions alone are assigned."""
     path = ros2.write(tmp_path / "hall", stream(ros2, "spencer_tracking_msgs/msg/TrackedPersons"))
-    check(read_bag(path, "/tracks", fields=fields), names)
+    check(read_bag(path, "/tracks", fields=f"tracks , {ids}position=pose.pose.position"), names)
 
 
-@pytest.mark.parametrize("fields", ["agents,position=place", "nothing,position=position", "id,position=x"])
-def test_a_field_that_is_missing_is_an_error(fields, ros2, tmp_path):
-    with pytest.raises(InputError):
-        read_bag(ros2.write(tmp_path / "hall", stream(ros2, AGENTS)), "/tracks", fields=fields)
-
-
-def test_the_command_reads_people_by_their_fields(ros2, tmp_path, capsys):
-    hall = str(ros2.write(tmp_path / "hall", stream(ros2, AGENTS)))
-    fields = "agents,id=id,position=position.position"
-    main(["info", hall, "--topic", "/tracks", "--people", fields, "--identities", "assigned"])
-    assert "6 of 2 tracks" in capsys.readouterr().out
-
-
-def test_a_bag_becomes_a_scene_folder_with_another_map(ros2, tmp_path):
+def test_the_command_reads_people_by_fields_on_another_map(ros2, tmp_path):
     world = walled_scene(np.random.default_rng(0))
     write_scene(world, tmp_path / "room")
     ros2.write(tmp_path / "hall", stream(ros2, AGENTS))
     hall, scene, room = (str(tmp_path / name) for name in ("hall", "scene", "room"))
-    main(["convert", hall, "-o", scene, "--map", room])
-    scene = read_scene(tmp_path / "scene")
-    assert scene.trajectories.track_id.tolist() == [3, 8] * 3
-    np.testing.assert_array_equal(scene.occupancy.occupied, world.occupancy.occupied)
+    fields = "agents,id=id,position=position.position"
+    given = ["--topic", "/tracks", "--people", fields, "--identities", "given", "--map", room]
+    main(["convert", hall, "-o", scene, *given])
+    found = read_scene(tmp_path / "scene")
+    assert found.trajectories.track_id.tolist() == [3, 8] * 3
+    np.testing.assert_array_equal(found.occupancy.occupied, world.occupancy.occupied)
 
 
 def test_what_makes_no_scene_is_refused_with_a_remedy(ros2, tmp_path):
     ros2.write(tmp_path / "empty", [("/map", GRID, ros2.grid())])
-    two = [*stream(ros2, AGENTS), *stream(ros2, AGENTS, topic="/more")]
-    ros2.write(tmp_path / "two", two)
+    ros2.write(tmp_path / "two", [*stream(ros2, AGENTS), *stream(ros2, AGENTS, topic="/more")])
     ros2.write(tmp_path / "moved", stream(ros2, AGENTS, "odom"))
     write_mcap(Store(), tmp_path / "json.mcap", PEOPLE, "json", "jsonschema")
     (tmp_path / "torn.bag").write_bytes(b"#ROSBAG V2.0\nnothing")
@@ -146,9 +136,8 @@ def test_messages_that_come_late_are_sorted(ros2, tmp_path):
 
 
 def test_a_recording_that_restarts_is_refused(ros2, tmp_path):
-    with pytest.raises(InputError) as error:
+    with pytest.raises(InputError):
         read_bag(bag(ros2, tmp_path / "hall", *walk(100.0), *walk(100.0)))
-    assert "split" in str(error.value)
 
 
 def test_times_without_stamps_are_those_of_the_bag(ros2, tmp_path):
@@ -166,17 +155,6 @@ def test_tracks_are_checked_as_those_of_files(ros2, tmp_path, caplog):
 
 
 # Sizes
-
-
-@pytest.mark.parametrize("compression", list(CompressionType))
-def test_a_recording_is_read_however_its_chunks_are_packed(compression, tmp_path):
-    scene = walled_scene(np.random.default_rng(0), detections=20)
-    write_recording(scene, tmp_path / "zstd.mcap")
-    repacked(tmp_path / "zstd.mcap", tmp_path / "hall.mcap", compression)
-    found = open_scene(tmp_path / "hall.mcap")
-    np.testing.assert_array_equal(found.trajectories.track_id, scene.trajectories.track_id)
-    np.testing.assert_array_equal(found.trajectories.position, scene.trajectories.position)
-    np.testing.assert_array_equal(found.occupancy.occupied, scene.occupancy.occupied)
 
 
 @pytest.mark.parametrize("compression", ["lz4", "zstd"])
@@ -207,14 +185,6 @@ def test_messages_are_unpacked_within_the_bound(ros2, tmp_path, monkeypatch):
         read_bag(tmp_path / "hall")
 
 
-@pytest.mark.parametrize("compression", ["BZ2", "LZ4"])
-def test_chunks_of_ros_1_may_be_compressed(compression, tmp_path):
-    writer, store = rosbag1.Writer(tmp_path / "hall.bag"), Store(ros1=True)
-    writer.set_compression(rosbag1.Writer.CompressionFormat[compression])
-    store.fill(writer, stream(store))
-    check(read_bag(tmp_path / "hall.bag"))
-
-
 @pytest.mark.parametrize(
     "computed",
     [
@@ -224,8 +194,5 @@ def test_chunks_of_ros_1_may_be_compressed(compression, tmp_path):
     ids=["view", "computed column"],
 )
 def test_a_database_that_computes_is_refused(computed, ros2, tmp_path):
-    ros2.write(tmp_path / "hall", stream(ros2))
-    with closing(sqlite3.connect(tmp_path / "hall" / "hall.db3")) as base:
-        base.executescript(computed)
     with pytest.raises(InputError):
-        read_bag(tmp_path / "hall")
+        read_bag(edit(ros2.write(tmp_path / "hall", stream(ros2)), computed))

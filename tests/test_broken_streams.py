@@ -7,28 +7,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.errors import PedpredError
 from pedpred.geometry import rotate
 from pedpred.metrics.calibration import share_inside
 from pedpred.online import OnlinePredictor
 from pedpred.scenes import OccupancyMap
 from pedpred.scenes.occupancy import FARTHEST_M
-from pedpred.tracking.tracks import FASTEST_MPS, JUMP_M
-from tests.streams import STREAMS, WARM_S, mean_error_m, queue
+from tests.refused import refused
 
 SEEDS = st.integers(0, 2**32 - 1)
 JUMPER, NOBODY = 7, 1000
-SPARSE = ("1 Hz", "2.5 Hz", "ten frames 1 ms apart, every second")
-"""So few detections in the time that a network reads cannot be as good as ten a second."""
 
 
-@pytest.fixture(params=["model", "mixture", "default"], scope="session")
+@pytest.fixture(params=["model", "default"], scope="session")
 def folder(request):
-    """With memory, without, and the model that the package ships."""
+    """A network with memory, and the model that the package ships, which has none."""
     return None if request.param == "default" else request.getfixturevalue(request.param)[0]
 
 
-def walkers(rng, people=20, apart_m=0.0):
+def walkers(rng, people, apart_m=0.0):
     """Start and velocity of people; `apart_m` more between the jumper and the others."""
     start, velocity = rng.uniform(-9, 9, (people, 2)), rng.normal(0, 0.8, (people, 2))
     start[JUMPER] += apart_m
@@ -43,19 +39,18 @@ def assert_sound(forecast, track_id):
     assert np.isfinite(predictions.point).all()
     np.testing.assert_allclose(predictions.weight.sum(axis=1), 1.0, atol=1e-9)
     assert (np.linalg.eigvalsh(predictions.covariance) > 0).all()
-    predictions.sample(2, np.random.default_rng(0))
 
 
-@pytest.mark.parametrize("jump_m", [12.0, 300.0, 2e4, 9e7])
+@pytest.mark.parametrize("jump_m", [12.0, 9e7])
 def test_an_id_that_jumps_is_a_new_person(folder, jump_m):
     """All forecasts are those of a stream in which the person leaves and another one appears."""
     rng = np.random.default_rng(1)
     start, velocity = walkers(rng, people=8, apart_m=100.0)
     robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
-    for k in range(45):
+    for k in range(25):
         position = start + 0.1 * k * velocity + rng.normal(0, 0.02, start.shape)
         ids, renamed = np.arange(8), np.arange(8)
-        if k >= 25:
+        if k >= 15:
             position[JUMPER] += jump_m
             renamed[JUMPER] = NOBODY
         found, expected = robot.update(0.1 * k, ids, position), other.update(0.1 * k, renamed, position)
@@ -65,7 +60,7 @@ def test_an_id_that_jumps_is_a_new_person(folder, jump_m):
         assert_sound(found, ids)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5)
 @given(
     seed=SEEDS,
     jumps=st.lists(st.floats(0, np.log10(FARTHEST_M) - 0.1), min_size=1, max_size=3),
@@ -91,36 +86,44 @@ def test_no_jump_and_no_gap_spoils_a_forecast(folder, seed, jumps, gaps):
         np.testing.assert_array_equal(found.predictions.path[others], expected.predictions.path[others])
 
 
-def test_people_who_run_keep_their_life():
-    """Steps of a sprinter are no jumps, at any rate."""
-    for interval_s in (1e-3, 0.1, 0.4, 1.0):
-        robot = OnlinePredictor.load()
-        for k in range(8):
-            forecast = robot.update(interval_s * k, [1], [[0.9 * FASTEST_MPS * interval_s * k, 0.5 * JUMP_M]])
-        if interval_s >= 0.1:
-            assert forecast.velocity[0, 0, 0] > 0.5 * FASTEST_MPS
+# Rates and bursts
+
+WARM_S = 4.0
 
 
-@pytest.fixture(scope="module")
-def usual_m():
-    """The error at 10 Hz."""
-    return mean_error_m(STREAMS["10 Hz"])
+def mean_error_m(instants, people=30):
+    """Mean error after `WARM_S` of forecasts of people who walk straight and are seen at some instants, m."""
+    rng, robot, errors = np.random.default_rng(0), OnlinePredictor.load(), []
+    start = np.stack([np.zeros(people), 60.0 * np.arange(people)], axis=1)
+    velocity = np.array([1.3, 0.0])
+    for now in np.sort(np.ravel(instants)):
+        seen = start + now * velocity + rng.normal(0, 0.03, (people, 2))
+        forecast = robot.update(float(now), np.arange(people), seen)
+        if now > WARM_S:
+            truth = start[:, None] + velocity * (now + 0.3 * np.arange(1, 11))[:, None]
+            errors.append(np.linalg.norm(forecast.position - truth, axis=-1).mean())
+    return np.mean(errors)
 
 
-@pytest.mark.parametrize("stream", [name for name in STREAMS if name not in ("10 Hz", *SPARSE)])
-def test_fast_frames_are_no_noisier(stream, usual_m):
-    """Of people who were first seen 2.5 s before; at 1000 Hz, each second takes long: 50 Hz at first."""
-    now = STREAMS[stream]()
-    measured_s = {"1000 Hz": 0.1, "100 Hz": 0.4}.get(stream, 1.0)
-    now = now[(now >= WARM_S - 2.5) & (now <= WARM_S + measured_s)]
-    if stream == "1000 Hz":
-        now = np.concatenate([now[:-250:20], now[-250:]])
-    assert mean_error_m(lambda: now) < 1.3 * usual_m
+SLOW = np.arange(1.5, WARM_S + 2.0, 0.1)
+FAST = {
+    "30 Hz": np.arange(1.5, WARM_S + 1.0, 1 / 30),
+    "1000 Hz": np.concatenate(
+        [np.arange(1.5, WARM_S - 0.1, 0.02), np.arange(WARM_S - 0.1, WARM_S + 0.1, 1e-3)]
+    ),
+    "two frames 1 ms apart": np.add.outer(SLOW, [0.0, 1e-3]),
+    "three frames 2 us apart": np.add.outer(SLOW, [0.0, 2e-6, 4e-6]),
+}
 
 
-def test_a_queue_that_catches_up_is_no_noisier():
-    many = 150  # of thirty people, the means of both differ by 5 % by chance
-    assert mean_error_m(queue, many) < mean_error_m(STREAMS["1 Hz"], many)
+def test_fast_frames_are_no_noisier():
+    """Of people who were first seen 2.5 s before, beside frames at 10 Hz."""
+    usual_m = mean_error_m(SLOW)
+    errors_m = {name: mean_error_m(instants) for name, instants in FAST.items()}
+    assert max(errors_m.values()) < 1.3 * usual_m, (errors_m, usual_m)
+
+
+# What is learned
 
 
 def test_a_clock_that_changes_without_people_costs_nothing():
@@ -129,14 +132,14 @@ def test_a_clock_that_changes_without_people_costs_nothing():
     other, *robots = (OnlinePredictor.load() for _ in range(4))
     for robot, odd_s in zip(robots, (1e9, 36000.0, -5.0), strict=True):
         robot.update(odd_s, [], [])
-    for k in range(90):
+    for k in range(70):
         position = np.array([[0.12 * k, 0.0], [5.0 - 0.12 * k, 1.0]]) + rng.normal(0, 0.03, (2, 2))
         expected, *found = (robot.update(0.1 * k, [1, 2], position) for robot in (other, *robots))
         for one in found:
             np.testing.assert_array_equal(one.predictions.covariance, expected.predictions.covariance)
     for robot in (other, *robots):
         assert robot._place.regions.learned.any()
-        assert robot._place.detections.time_s.min() > 0.1 * 89 - 4.5
+        assert robot._place.detections.time_s.min() > 0.1 * 69 - 4.5
 
 
 def test_regions_of_walkers_do_not_learn_from_furniture():
@@ -151,25 +154,25 @@ def test_regions_of_walkers_do_not_learn_from_furniture():
             heading += rng.normal(0, 0.05, 6)
             start = start + 0.12 * np.stack([np.cos(heading), np.sin(heading)], axis=-1)
             truth[k] = start
-        for k, position in enumerate(truth):
+        for k, position in enumerate(truth[:-30]):
             seen = np.concatenate([position + rng.normal(0, 0.02, position.shape), where])
             forecast = robot.update(0.1 * k, np.arange(6 + things), seen)
-            if k > 150 and k % 3 == 0 and k + 30 < len(truth):
+            if k > 150 and k % 3 == 0:
                 after = truth[k + 3 : k + 31 : 3][:10].swapaxes(0, 1)
                 kept.append(share_inside(forecast.predictions.select(np.arange(6)), after))
         shares.append([(np.concatenate(kept) <= share).mean() for share in (0.5, 0.9, 0.95)])
     np.testing.assert_allclose(shares[1], shares[0], atol=0.05)
 
 
-@given(st.integers(0, 2**32 - 1), st.floats(-3.0, 3.0), st.integers(1, 59))
-@settings(max_examples=6, deadline=None)
+@given(SEEDS, st.floats(-3.0, 3.0), st.integers(1, 49))
+@settings(max_examples=4)
 def test_a_correction_of_the_world_changes_no_forecast(seed, turn_rad, at):
     """Forecasts, their regions and what is learned go on as if the world had been there from the start."""
     rng = np.random.default_rng(seed)
     shift = rng.normal(0.0, 5.0, 2)
     robot, other = OnlinePredictor.load(), OnlinePredictor.load()
     start, speed = rng.uniform(-6.0, 6.0, (5, 2)), rng.normal(0.0, 0.8, (5, 2))
-    for k in range(60):
+    for k in range(50):
         seen = start + speed * k / 10 + rng.normal(0.0, 0.02, (5, 2))
         there = rotate(seen, np.float64(turn_rad)) + shift
         if k == at:
@@ -183,41 +186,42 @@ def test_a_correction_of_the_world_changes_no_forecast(seed, turn_rad, at):
             np.testing.assert_allclose(found.velocity, wanted.velocity, atol=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("turn_rad", "shift"), [(np.nan, [0, 0]), (0.0, [np.inf, 0]), ("x", [0, 0]), (0, [0])]
-)
-def test_a_correction_that_is_none_is_refused(turn_rad, shift):
-    with pytest.raises(PedpredError) as error:
-        OnlinePredictor.load().correct(turn_rad, shift)
-    assert error.value.field == ("turn_rad" if shift == [0, 0] else "shift")
+def test_a_correction_that_is_none_is_refused():
+    robot = OnlinePredictor.load()
+    for turn_rad, shift, field in (
+        (np.nan, [0, 0], "turn_rad"),
+        (0.0, [np.inf, 0], "shift"),
+        (0, [0], "shift"),
+    ):
+        with refused(field):
+            robot.correct(turn_rad, shift)
 
 
-def test_who_cannot_be_forecast_is_left_out_and_named(folder, monkeypatch, caplog):
+def test_who_cannot_be_forecast_is_left_out_and_named(model, monkeypatch, caplog):
     """A network that gives no numbers for one person costs that person alone a forecast, and its memory."""
-    robot, other = OnlinePredictor.load(folder), OnlinePredictor.load(folder)
+    robot, other = OnlinePredictor.load(model[0]), OnlinePredictor.load(model[0])
     session = robot.network._session
 
     class Broken:
         def run(self, names, values):
             found = [tensor.copy() for tensor in session.run(names, values)]
-            if len(found[0]) == 3:
-                found[0][1] = np.nan
+            found[0][1] = np.nan
             return found
 
     ids = [3, 5, 8]
-    for k in range(4):
+    for k in range(5):
         position = [[0.1 * k, 0.0], [20.0, 0.1 * k], [40.0, 0.0]]
-        robot.update(0.1 * k, ids, position)
-        other.update(0.1 * k, ids, position)
-    position = [[0.4, 0.0], [20.0, 0.4], [40.0, 0.0]]
-    with monkeypatch.context() as patch:
-        patch.setattr(robot.network, "_session", Broken())
-        found = robot.update(0.4, ids, position)
-    expected = other.update(0.4, ids, position)
+        with monkeypatch.context() as patch:
+            if k == 4:
+                patch.setattr(robot.network, "_session", Broken())
+            found, expected = (one.update(0.1 * k, ids, position) for one in (robot, other))
     assert found.track_id.tolist() == [3, 8]
     assert caplog.records
     np.testing.assert_allclose(found.predictions.path, expected.predictions.path[[0, 2]], atol=1e-4)
     assert_sound(robot.update(0.5, ids, position), ids)
+
+
+# Doubts
 
 
 def rng_of(k):
@@ -227,19 +231,15 @@ def rng_of(k):
 IDS, CROWD = np.arange(6), rng_of(3).uniform(-4, 4, (6, 2))
 SPEED = rng_of(4).normal(0, 0.9, (6, 2))
 IMPOSSIBLE = {
-    "new ids": (10, lambda k, at: (IDS + 6 * k, at(k))),
-    "shuffled": (10, lambda k, at: (rng_of(k).permutation(6), at(k))),
-    "two trackers": (10, lambda k, at: (IDS, at(k) + 9.0 * (k % 2))),
-    "millimetres": (10, lambda k, at: (IDS, 1000 * at(k))),
-    "minutes": (600, lambda k, at: (IDS, at(60 * k))),
-    "localisation": (10, lambda k, at: (IDS, at(k) + 0.6 * (k // 10 % 2))),
-    "repeated": (10, lambda k, at: (IDS, at(k - k % 10))),
-    "repeated, fast": (50, lambda k, at: (IDS, at(k - k % 15))),
+    "new ids": ("new", lambda k, at: (IDS + 6 * k, at(k))),
+    "ids change hands": ("steps", lambda k, at: (rng_of(k).permutation(6), at(k))),
+    "the localisation jumps": ("together", lambda k, at: (IDS, at(k) + 0.6 * (k // 10 % 2))),
+    "old positions": ("repeats", lambda k, at: (IDS, at(k - k % 10))),
 }
 
 
-def doubts(rate_hz, frame, noise_m=0.03, occupancy=None):
-    """What is implausible about a stream, 300 frames or 14 s of it."""
+def doubts(frame, rate_hz=10, noise_m=0.03, occupancy=None):
+    """What is implausible about a stream of 14 s, or of 200 frames."""
     robot = OnlinePredictor.load()
     if occupancy is not None:
         robot.set_map(occupancy)
@@ -247,31 +247,29 @@ def doubts(rate_hz, frame, noise_m=0.03, occupancy=None):
     def at(k):
         return CROWD + k / rate_hz * SPEED + rng_of(k).normal(0, noise_m, CROWD.shape)
 
-    for k in range(min(300, 14 * rate_hz)):
+    for k in range(min(200, 14 * rate_hz)):
         robot.update(k / rate_hz, *frame(k, at))
-    return robot.doubts
+    return {kind for kind, count in robot._doubts.counts.items() if count.text}
 
 
 @pytest.mark.parametrize("kind", IMPOSSIBLE)
 def test_what_detections_cannot_be_is_told(kind, caplog):
     """No single frame is wrong, and forecasts look sound."""
-    assert doubts(*IMPOSSIBLE[kind])
+    named, frame = IMPOSSIBLE[kind]
+    assert named in doubts(frame)
     assert caplog.records
 
 
-@pytest.mark.parametrize("rate_hz", [1, 5, 10, 30, 100])
-@pytest.mark.parametrize("noise_m", [0.0, 0.03, 0.15])
+@pytest.mark.parametrize(("rate_hz", "noise_m"), [(1, 0.15), (10, 0.03), (10, 0.0), (100, 0.15)])
 def test_there_is_no_doubt_about_a_sound_stream(rate_hz, noise_m, caplog):
-    """Also if a robot's position jumps now and then."""
-    assert not doubts(rate_hz, lambda k, at: (IDS, at(k)), noise_m)
-    assert not caplog.records
+    """Also if a robot's position jumps now and then, and people stop exactly as simulated ones do."""
     every = min(7 * rate_hz, 100)
-    assert not doubts(rate_hz, lambda k, at: (IDS, at(k) + 3.0 * (k // every)), noise_m)
-
-
-def test_there_is_no_doubt_about_people_who_stop_exactly():
-    """As simulated ones do."""
-    assert not doubts(10, lambda k, at: (IDS, at(k // 40 * 20 + min(k % 40, 20))), 0.0)
+    assert not doubts(lambda k, at: (IDS, at(k) + 3.0 * (k // every)), rate_hz, noise_m)
+    if not noise_m:
+        assert not doubts(lambda k, at: (IDS, at(k // 40 * 20 + min(k % 40, 20))), rate_hz, noise_m)
+    elif rate_hz == 10:
+        assert not doubts(lambda k, at: (IDS, at(k)))
+        assert not caplog.records
 
 
 def test_a_map_that_does_not_lie_under_people_is_told():
@@ -281,11 +279,11 @@ def test_a_map_that_does_not_lie_under_people_is_told():
     def ground(cells, corner=(-20.0, -20.0)):
         return OccupancyMap(cells, np.array(corner), 0.1)
 
-    assert doubts(10, here, occupancy=ground(np.zeros((50, 50), bool), (3e3, 3e3)))
-    assert doubts(10, here, occupancy=ground(rng_of(0).uniform(size=(400, 400)) < 0.3))
-    assert not doubts(10, here, occupancy=ground(np.zeros((400, 400), bool)))
+    assert doubts(here, occupancy=ground(np.zeros((50, 50), bool), (3e3, 3e3)))
+    assert doubts(here, occupancy=ground(rng_of(0).uniform(size=(400, 400)) < 0.3))
+    assert not doubts(here, occupancy=ground(np.zeros((400, 400), bool)))
     blocked = ground(np.ones((400, 400), bool))
-    assert not doubts(10, lambda k, at: (IDS, at(0)), occupancy=blocked)  # benches are obstacles
+    assert not doubts(lambda k, at: (IDS, at(0)), occupancy=blocked)  # benches are obstacles
 
 
 def test_doubts_end_with_their_cause_and_are_copied(caplog):

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pedpred.errors import InputError
 from pedpred.reading import read_recording
 from pedpred.reading.checks import check, speeds_mps
 from pedpred.reading.errors import ContentError
 from pedpred.reading.options import ReadOptions
 from pedpred.scenes import Trajectories
 from tests.conftest import ROOT
+from tests.refused import unread
 
 
 def walkers(people, steps, seed, speed_mps=1.2, dt_s=0.4):
@@ -25,67 +25,63 @@ def walkers(people, steps, seed, speed_mps=1.2, dt_s=0.4):
     return [(who, k + 3 * who, *places[k, who].round(3)) for who in range(people) for k in range(steps)]
 
 
+def write(folder, rows):
+    path = folder / "walk.txt"
+    path.write_text("\n".join(" ".join(map(str, row)) for row in rows))
+    return path
+
+
 @given(st.integers(2, 12), st.integers(12, 40), st.integers(0, 99), st.booleans(), st.booleans())
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_the_order_of_id_and_frame_is_found_in_any_order_of_lines(
-    tmp_path, people, steps, seed, first, mixed
-):
+def test_id_and_frame_are_told_apart_in_any_order_of_lines(tmp_path, people, steps, seed, first, mixed):
     rows = [(who, 10 * k, x, y) for who, k, x, y in walkers(people, steps, seed)]
     if mixed:
         np.random.default_rng(seed).shuffle(rows)
-    swapped = [(row[0], row[1], *row[2:]) if first else (row[1], row[0], *row[2:]) for row in rows]
-    path = tmp_path / "walk.txt"
-    path.write_text("\n".join(" ".join(map(str, row)) for row in swapped))
+    path = write(tmp_path, [row if first else (row[1], row[0], *row[2:]) for row in rows])
     found = read_recording(path, ReadOptions(rate_hz=25.0)).scene.trajectories
     assert len(np.unique(found.track_id)) == people
     assert found.time_s.max() == max(row[1] for row in rows) / 25.0
 
 
 @pytest.mark.parametrize("ids_first", [True, False])
-def test_times_and_words_tell_columns_without_a_header_apart(tmp_path, ids_first):
-    rows = walkers(3, 20, 0)
-    for column, k_s in ((lambda who: who, 0.4), (lambda who: f"ped{who}", 1)):
-        texts = [(column(who), k * k_s, x, y) for who, k, x, y in rows]
-        texts = [row if ids_first else (row[1], row[0], *row[2:]) for row in texts]
-        (tmp_path / "walk.txt").write_text("\n".join(" ".join(map(str, row)) for row in texts))
-        found = read_recording(tmp_path / "walk.txt", ReadOptions(rate_hz=2.5 if k_s == 1 else None)).scene
-        np.testing.assert_allclose(found.trajectories.time_s.max(), 0.4 * max(k for _, k, *_ in rows))
+@pytest.mark.parametrize(("name", "step", "rate_hz"), [("{}", 0.4, None), ("ped{}", 1, 2.5)])
+def test_times_and_words_tell_columns_apart(tmp_path, name, step, rate_hz, ids_first):
+    rows = [(name.format(who), k * step, x, y) for who, k, x, y in walkers(3, 20, 0)]
+    path = write(tmp_path, [row if ids_first else (row[1], row[0], *row[2:]) for row in rows])
+    found = read_recording(path, ReadOptions(rate_hz=rate_hz)).scene.trajectories
+    assert found.time_s.max() == pytest.approx(max(row[1] for row in rows) / (rate_hz or 1))
 
 
-def test_an_order_that_stays_open_must_be_given(tmp_path):
-    rows = [(who, k, 0.5 * k, 0.5 * who) for who in range(9) for k in range(9)]
-    (tmp_path / "walk.txt").write_text("\n".join(" ".join(map(str, row)) for row in rows))
-    with pytest.raises(InputError, match="--columns"):
-        read_recording(tmp_path / "walk.txt", ReadOptions(rate_hz=2.0))
-    read_recording(tmp_path / "walk.txt", ReadOptions(columns=("id", "frame", "x", "y"), rate_hz=2.0))
-
-
-def test_a_column_that_never_changes_is_no_position(tmp_path):
-    rows = [(k, who, x, 0.0, y) for who, k, x, y in walkers(3, 20, 0)]
-    (tmp_path / "obsmat.txt").write_text("\n".join(" ".join(map(str, row)) for row in rows))
-    with pytest.raises(InputError, match="--columns"):
-        read_recording(tmp_path / "obsmat.txt", ReadOptions(rate_hz=2.5))
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [(who, k, 0.5 * k, 0.5 * who) for who in range(9) for k in range(9)],
+        [(k, who, x, 0.0, y) for who, k, x, y in walkers(3, 20, 0)],  # a column that never changes
+    ],
+)
+def test_an_order_that_stays_open_must_be_given(tmp_path, rows):
+    path = write(tmp_path, rows)
+    with unread(path, remedy="--columns"):
+        read_recording(path, ReadOptions(rate_hz=2.5))
+    columns = ("id", "frame", "x", "y") if len(rows[0]) == 4 else ("frame", "id", "x", "_", "y")
+    read_recording(path, ReadOptions(columns=columns, rate_hz=2.5))
 
 
 def crowd(factor=1.0, clock=1.0):
-    rows = walkers(6, 30, 1)
-    return Trajectories(
-        [clock * 0.4 * k for _, k, *_ in rows],
-        [row[0] for row in rows],
-        factor * np.array([r[2:] for r in rows]),
-    )
+    who, k, x, y = np.transpose(walkers(6, 30, 1))
+    return Trajectories(clock * 0.4 * k, who, factor * np.stack([x, y], axis=-1))
 
 
-@given(st.sampled_from([3.281, 39.37, 100.0, 1000.0]))
+@pytest.mark.parametrize("factor", [6.0, 39.37, 1000.0])
 def test_impossible_speeds_are_refused_unless_any_speed_is_read(factor):
-    people = crowd(factor if factor > 5 else 6.0)
+    people = crowd(factor)
     with pytest.raises(ContentError) as refused:
         check(people, "walk.csv")
     assert all(option in refused.value.remedy for option in ("--unit", "--rate", "--any-speed"))
     np.testing.assert_allclose(check(people, "walk.csv", any_speed=True), 0.4)
 
 
-@pytest.mark.parametrize("factor", [15, 1e3, 1e6])
+@pytest.mark.parametrize("factor", [15, 1e6])
 def test_a_clock_that_does_not_count_seconds_is_refused(factor):
     with pytest.raises(ContentError) as refused:
         check(crowd(clock=factor), "walk.csv")
@@ -93,9 +89,8 @@ def test_a_clock_that_does_not_count_seconds_is_refused(factor):
 
 
 def test_speeds_are_measured_along_tracks():
-    people = crowd()
-    np.testing.assert_allclose(np.median(speeds_mps(people)), 1.2, rtol=0.01)
-    np.testing.assert_allclose(np.median(speeds_mps(crowd(2.0))), 2.4, rtol=0.01)
+    for factor in (1.0, 2.0):
+        np.testing.assert_allclose(np.median(speeds_mps(crowd(factor))), 1.2 * factor, rtol=0.01)
 
 
 @pytest.mark.parametrize("factor", [3.0, 0.05])
@@ -108,4 +103,4 @@ def test_odd_speeds_give_one_warning(factor, caplog):
 def test_a_real_recording_is_read_without_a_warning(name, caplog):
     with caplog.at_level(logging.WARNING):
         read_recording(ROOT / "examples" / name, ReadOptions(rate_hz=25.0 if "zara" in name else None))
-    assert not caplog.text
+    assert not caplog.records

@@ -19,6 +19,7 @@ from pedpred.ros import Transform, write_recording
 from pedpred.storage.maps import write_map
 from pedpred.storage.scenes import read_scene, write_scene
 from tests.conftest import ROOT
+from tests.refused import refused
 from tests.scenes import assert_same
 from tests.worlds import walled_scene
 
@@ -48,18 +49,14 @@ def recordings(tmp_path, scene):
 
 @pytest.mark.parametrize("kind", ["folder", "table", "bag"])
 def test_all_kinds_of_recordings_have_the_same_people(kind, recordings, scene):
+    """Also where a transform moves them."""
     expected, found = read_scene(scene).trajectories, open_scene(recordings[kind]).trajectories
     np.testing.assert_allclose(found.time_s, expected.time_s, atol=1e-9)
     np.testing.assert_array_equal(found.track_id, expected.track_id)
     np.testing.assert_allclose(found.position, expected.position, atol=1e-9)
-
-
-@pytest.mark.parametrize("kind", ["folder", "table", "bag"])
-def test_a_transform_moves_people_of_every_kind(kind, recordings, scene):
-    options = OpenOptions(transform=Transform(1.0, -2.0, np.pi / 2))
-    x, y = read_scene(scene).trajectories.position.T
-    found = open_scene(recordings[kind], options).trajectories.position
-    np.testing.assert_allclose(found, np.stack([1.0 - y, x - 2.0], axis=-1), atol=1e-6)
+    moved = open_scene(recordings[kind], OpenOptions(transform=Transform(1.0, -2.0, np.pi / 2)))
+    x, y = expected.position.T
+    np.testing.assert_allclose(moved.trajectories.position, np.stack([1.0 - y, x - 2.0], axis=-1), atol=1e-6)
 
 
 OF_TABLES = [ReadOptions(unit="cm"), ReadOptions(columns=("time", "id", "x", "y"))]
@@ -70,11 +67,12 @@ UNUSED = {
 }
 
 
-@pytest.mark.parametrize(("kind", "options"), [(kind, one) for kind, some in UNUSED.items() for one in some])
-def test_an_option_that_a_kind_does_not_use_is_refused(kind, options, recordings):
-    with pytest.raises(ValueRuleError) as refused:
-        open_recording(recordings[kind], options)
-    assert {**vars(options), **vars(options.file)}[refused.value.field] == refused.value.value
+@pytest.mark.parametrize("kind", UNUSED)
+def test_an_option_that_a_kind_does_not_use_is_refused(kind, recordings):
+    for options in UNUSED[kind]:
+        with pytest.raises(ValueRuleError) as error:
+            open_recording(recordings[kind], options)
+        assert {**vars(options), **vars(options.file)}[error.value.field] == error.value.value
 
 
 @pytest.mark.parametrize(
@@ -85,21 +83,17 @@ def test_no_map_excludes_options_about_maps(other):
         OpenOptions(no_map=True, **other)
 
 
-@pytest.mark.parametrize("given", ["beside", "free", "other"])
-def test_a_table_is_on_the_map_beside_it_unless_another_is_given(given, recordings, scene, tmp_path, caplog):
-    """A folder, a table and a bag have maps of their own."""
+def test_people_are_on_the_map_beside_them_or_another(recordings, scene, tmp_path):
+    """A folder and a bag have maps of their own."""
     own = read_scene(scene).occupancy
     write_map(own, tmp_path)
-    other = replace(own, occupied=~own.occupied)
     (tmp_path / "other").mkdir()
-    write_map(other, tmp_path / "other")
-    options = {"beside": {}, "free": {"no_map": True}, "other": {"map": tmp_path / "other"}}[given]
+    write_map(replace(own, occupied=~own.occupied), tmp_path / "other")
     for recording in recordings.values():
-        found = open_scene(recording, OpenOptions(**options)).occupancy
-        if given == "free":
-            assert not found.occupied.any()
-        else:
-            np.testing.assert_array_equal(found.occupied, (own if given == "beside" else other).occupied)
+        np.testing.assert_array_equal(open_scene(recording).occupancy.occupied, own.occupied)
+        assert not open_scene(recording, OpenOptions(no_map=True)).occupancy.occupied.any()
+        other = open_scene(recording, OpenOptions(map=tmp_path / "other")).occupancy
+        np.testing.assert_array_equal(other.occupied, ~own.occupied)
 
 
 def test_a_map_beside_a_table_of_people_elsewhere_is_not_used(recordings, scene, tmp_path):
@@ -115,9 +109,8 @@ def test_a_geometry_is_a_map_with_open_ends():
     assert closed.is_occupied(beyond).all()
     assert not opened.is_occupied(beyond).any()
     for options in ({"open_ends": ends}, {"open_ends": ends, "map": CORNER.parent / "crossing"}):
-        with pytest.raises(ValueRuleError) as refused:
+        with refused("open_ends"):
             open_scene(CORNER / "walk.txt", OpenOptions(**options))
-        assert refused.value.field == "open_ends"
 
 
 def test_fields_and_identities_are_those_of_a_bag(scene, tmp_path):
@@ -130,17 +123,16 @@ def test_fields_and_identities_are_those_of_a_bag(scene, tmp_path):
     np.testing.assert_array_equal(found.position, usual.position)
     assigned = open_scene(tmp_path / "walk.mcap", OpenOptions(identities="assigned")).trajectories
     np.testing.assert_array_equal(np.sort(assigned.position, axis=0), np.sort(usual.position, axis=0))
-    with pytest.raises(ValueRuleError):
+    with refused("people"):
         open_scene(tmp_path / "walk.mcap", OpenOptions(people="people"))
-    with pytest.raises(ValueRuleError):
+    with refused("identities"):
         OpenOptions(identities="guessed")
 
 
 def test_a_folder_of_other_files_is_refused(tmp_path):
     (tmp_path / "walk.csv").touch()
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match="--one-person-per-file"):
         open_scene(tmp_path)
-    assert "--one-person-per-file" in str(refused.value)
 
 
 # Commands
@@ -183,23 +175,15 @@ def test_info_describes_each_recording(scene, capsys):
     assert sum("2 tracks" in rest for _, rest in lines) == 1
 
 
-def test_a_recording_without_obstacles_is_warned_about(caplog, tmp_path):
-    bag, out = str(CORNER / "people.mcap"), str(tmp_path / "out.csv")
-    for options, expected in (([], True), (["--no-map"], False)):
-        caplog.clear()
-        main(["predict", bag, "-o", out, "--force", *options])
-        assert ("--map" in caplog.text) == expected
-
-
 def test_own_tracks_in_a_table_are_measured(tmp_path, model):
     """Two people walk straight on at 5 Hz: every detection with three more seconds is a window."""
-    rows = [f"{0.2 * k},{who},{0.24 * k * way},{who}.5" for k in range(30) for who, way in ((1, 1), (2, -1))]
+    rows = [f"{0.2 * k},{who},{0.24 * k * way},{who}.5" for k in range(24) for who, way in ((1, 1), (2, -1))]
     (tmp_path / "hall.csv").write_text("\n".join(["time,id,x,y", *rows]))
     out = tmp_path / "e.json"
     main(["evaluate", str(tmp_path / "hall.csv"), "--model", str(model[0]), "--json", str(out)])
     figures = json.loads(out.read_text())["hall"]
     assert set(figures) == {"cv", "ca", "kalman_cv", "network"}
-    last = int((29 * 0.2 - 3.0) / 0.2)
+    last = int((23 * 0.2 - 3.0) / 0.2)
     assert {own["windows"] for own in figures.values()} == {2 * (last + 1 - 3)}
     assert figures["cv"]["ade_m"] == pytest.approx(0.0, abs=1e-4)
     robot = OnlinePredictor.load(model[0])
@@ -218,9 +202,7 @@ def test_own_tracks_in_a_table_are_measured(tmp_path, model):
 def test_help_needs_no_torch():
     checked = "import sys, pedpred.command.arguments; assert 'torch' not in sys.modules; "
     command = [sys.executable, "-c", checked + "pedpred.command.main(['--help'])"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
-    assert done.returncode == 0, done.stderr
-    assert "predict" in done.stdout
+    assert subprocess.run(command, capture_output=True, check=False, cwd=ROOT).returncode == 0
 
 
 def test_help_names_every_format_that_is_read(capsys):

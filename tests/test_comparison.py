@@ -42,7 +42,6 @@ def changed(**figures):
 def test_what_did_not_change_is_the_same():
     assert set(verdicts(BEFORE).values()) == {"same"}
     assert len(verdicts(BEFORE)) == 5
-    assert "5 unchanged" in changes_table(changes(BEFORE, BEFORE))
 
 
 @given(st.floats(0.1, 0.9))
@@ -63,9 +62,6 @@ def test_a_difference_moved_by_the_reference_is_not_judged():
     """A better reference makes the differences of methods worse that stayed as they were."""
     after = changed(ade_m_minus_reference=0.3)
     assert verdicts(after)["hall", "lstm", "ade_m_minus_reference"] == "reference"
-    table = changes_table(changes(BEFORE, after))
-    assert table.startswith("5 figures: 0 worse")
-    assert "1 moved with the reference alone" in table
 
 
 def test_a_metric_that_should_be_high_is_worse_when_it_falls(monkeypatch):
@@ -76,15 +72,11 @@ def test_a_metric_that_should_be_high_is_worse_when_it_falls(monkeypatch):
 
 
 def test_a_figure_without_an_earlier_interval_is_not_judged():
-    unknown = {"ade_m_ci95": [None, None]}
-    before = changed(**unknown)
+    before = changed(ade_m_ci95=[None, None])
     assert set(verdicts(before, before).values()) == {"same"}
-    moved = changes(before, changed(ade_m=0.7))
-    assert list(moved["verdict"]).count("unjudged") == 1
-    assert "| 0.500 (no interval), 10 windows | 0.700 (0.450 to 0.550)" in changes_table(moved)
-    assert "1 moved without an interval" in changes_table(moved)
+    assert verdicts(changed(ade_m=0.7), before)["hall", "lstm", "ade_m"] == "unjudged"
     assert verdicts(before)["hall", "lstm", "ade_m"] == "same"
-    assert verdicts(changed(ade_m=0.7, **unknown))["hall", "lstm", "ade_m"] == "worse"
+    assert verdicts(changed(ade_m=0.7, ade_m_ci95=[None, None]))["hall", "lstm", "ade_m"] == "worse"
 
 
 def test_new_and_vanished_entries_are_named():
@@ -92,12 +84,8 @@ def test_new_and_vanished_entries_are_named():
     found = verdicts(after)
     assert found["hall", "mine", "ade_m"] == "new"
     assert found["hall", "lstm", "ade_m_minus_reference"] == "vanished"
-    table = changes_table(changes(BEFORE, after))
-    assert "| sim | hall | lstm | ade_m | 0.500 (0.450 to 0.550), 10 windows | - | vanished |" in table
-    assert "5 new or vanished" in table
-    grown = changes_table(changes(BEFORE, changed(nll=1.0, nll_ci95=[0.9, 1.1])))
-    assert "nll" not in grown
-    assert "1 new or vanished" in grown
+    assert "| sim | hall | lstm | ade_m |" in changes_table(changes(BEFORE, after))
+    assert verdicts(changed(nll=1.0, nll_ci95=[0.9, 1.1]))["hall", "lstm", "nll"] == "new"
 
 
 @pytest.fixture
@@ -111,10 +99,8 @@ def repository(tmp_path):
     return folder
 
 
-@pytest.mark.parametrize(
-    ("ade_m", "code", "told"), [(0.6, 1, "1 worse"), (0.52, 0, "1 moved within"), (0.4, 0, "1 better")]
-)
-def test_the_gate_fails_when_a_figure_got_worse(repository, monkeypatch, capsys, ade_m, code, told):
+@pytest.mark.parametrize(("ade_m", "code"), [(0.6, 1), (0.52, 0), (0.4, 0)])
+def test_the_gate_fails_when_a_figure_got_worse(repository, monkeypatch, ade_m, code):
     (repository / "sim.json").write_text(json.dumps(changed(ade_m=ade_m)["sim"]))
     assert metrics_at("HEAD", repository) == {"sim": BEFORE["sim"]}
     assert metrics_now(repository)["sim"]["hall"]["lstm"]["ade_m"] == ade_m
@@ -122,7 +108,6 @@ def test_the_gate_fails_when_a_figure_got_worse(repository, monkeypatch, capsys,
     with pytest.raises(SystemExit) as ended:
         compare.main()
     assert ended.value.code == code
-    assert told in capsys.readouterr().out
 
 
 def test_an_unknown_revision_is_named(repository):

@@ -63,9 +63,6 @@ UNUSED = 1.0
 """,
 }
 SCRIPT = """
-import logging
-import sys
-
 import numpy as np
 from numba.core.event import Listener, register
 
@@ -86,6 +83,7 @@ value = outside(np.arange(4.0), Pair(**named))
 print(value, " ".join(sorted({"outside", "inside", "deeper"} & set(compiled))))
 """
 VALUE = 20.0 * (1.0 + np.sqrt(2.0) + np.sqrt(3.0)) + 1000.0
+LOOPS = ["deeper", "inside", "outside"]
 
 
 def run(folder, cache, script=SCRIPT, **environment):
@@ -103,9 +101,7 @@ def before(tmp_path_factory):
     folder, cache = tmp_path_factory.mktemp("loops"), tmp_path_factory.mktemp("cache")
     for name, text in MODULES.items():
         (folder / name).write_text(text)
-    value, names, _ = run(folder, cache)
-    assert value == pytest.approx(VALUE)
-    assert names == ["deeper", "inside", "outside"]
+    assert run(folder, cache)[:2] == (pytest.approx(VALUE), LOOPS)
     return folder, cache
 
 
@@ -135,38 +131,33 @@ def cached(cache):
 @pytest.mark.parametrize(
     ("name", "old", "new", "value"),
     [
-        ("inner.py", "2.0 * deeper", "3.0 * deeper", 1.5 * (VALUE - 1000.0) + 1000.0),
-        ("inner.py", "math.sqrt", "math.sin ", None),
+        ("inner.py", "math.sqrt", "0.5 * math.sqrt", 0.5 * (VALUE - 1000.0) + 1000.0),
         ("limits.py", "500.0", " 50.0", 1050.0),
         ("limits.py", "10.0", "20.0", 2.0 * (VALUE - 1000.0) + 1000.0),
         ("outer.py", "first: float\n    second: float", "second: float\n    first: float", VALUE),
     ],
-    ids=["a loop that is called", "one that this calls", "a constant", "an array", "the order of fields"],
+    ids=["a loop two calls below", "a constant", "an array", "the order of fields"],
 )
-def test_edited_code_and_constants_are_compiled_again(copied, tmp_path, name, old, new, value):
+def test_edited_code_and_constants_are_compiled_again(copied, name, old, new, value):
     folder, cache = copied
     edit(folder / name, old, new)
     found, names, _ = run(folder, cache)
     assert "outside" in names
-    assert found == run(folder, tmp_path / "empty")[0]
-    assert value is None or found == pytest.approx(value)
+    assert found == pytest.approx(value)
 
 
 def test_two_versions_of_the_code_are_cached_side_by_side(copied):
     folder, cache = copied
     edit(folder / "inner.py", "2.0 * deeper", "3.0 * deeper")
-    assert "deeper" not in run(folder, cache)[1]
+    assert run(folder, cache)[1] == ["inside", "outside"]
     edit(folder / "inner.py", "3.0 * deeper", "2.0 * deeper")
     assert run(folder, cache)[:2] == (pytest.approx(VALUE), [])
 
 
-@pytest.mark.parametrize(
-    ("name", "old", "new"),
-    [("outer.py", "Sum up.", "Add up, the limit included."), ("limits.py", "UNUSED = 1.0", "UNUSED = 2.0")],
-)
-def test_comments_docstrings_and_unused_names_do_not_count(copied, name, old, new):
+def test_comments_docstrings_and_unused_names_do_not_count(copied):
     folder, cache = copied
-    edit(folder / name, old, new)
+    edit(folder / "outer.py", "Sum up.", "Add up, the limit included.")
+    edit(folder / "limits.py", "UNUSED = 1.0", "UNUSED = 2.0")
     edit(folder / "inner.py", "import math", "# a comment\n\nimport math")
     assert run(folder, cache)[:2] == (pytest.approx(VALUE), [])
 
@@ -183,30 +174,23 @@ def test_a_damaged_file_is_compiled_again_and_replaced(copied, damage):
     folder, cache = copied
     for path in filter(Path.is_file, cache.rglob("*")):
         path.write_bytes(DAMAGES[damage](path.read_bytes()))
-    value, names, _ = run(folder, cache)
-    assert (value, names) == (pytest.approx(VALUE), ["deeper", "inside", "outside"])
+    assert run(folder, cache)[:2] == (pytest.approx(VALUE), LOOPS)
     assert run(folder, cache)[:2] == (pytest.approx(VALUE), [])
 
 
-def no_folder(tmp_path):
-    (tmp_path / "file").touch()
-    return {"NUMBA_CACHE_DIR": str(tmp_path / "file")}
-
-
-def no_home(tmp_path):
-    return {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", "HOME": "/dev/null"}
+@pytest.mark.parametrize(
+    "place",
+    [{"NUMBA_CACHE_DIR": "/dev/null"}, {"NUMBA_CACHE_DIR": "", "XDG_CACHE_HOME": "", "HOME": "/dev/null"}],
+)
+def test_without_a_cache_loops_are_compiled_with_one_warning(before, tmp_path, place):
+    value, names, log = run(before[0], tmp_path, **place)
+    assert (value, names) == (pytest.approx(VALUE), LOOPS)
+    assert log.count("NUMBA_CACHE_DIR") == 1
+    assert not cached(tmp_path)
 
 
 FULL = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
 """Room for messages, and for no file of the cache."""
-
-
-@pytest.mark.parametrize("place", [no_folder, no_home])
-def test_without_a_cache_loops_are_compiled_with_one_warning(before, tmp_path, place):
-    value, names, log = run(before[0], tmp_path, **place(tmp_path))
-    assert (value, names) == (pytest.approx(VALUE), ["deeper", "inside", "outside"])
-    assert log.count("NUMBA_CACHE_DIR") == 1
-    assert not cached(tmp_path)
 
 
 def test_a_cache_that_cannot_be_written_is_read(before):
@@ -242,10 +226,10 @@ def test_a_loop_that_reads_a_dict_or_method_is_refused():
         return Path.cwd
 
     for loop, name in ((reads_a_dict, "settings"), (reads_a_module, "Path")):
-        with pytest.raises(TypeError, match=name):
-            contents(loop)
-        with pytest.raises(TypeError, match=name):
-            compiled(loop)()
+        for use in (contents, lambda loop: compiled(loop)()):
+            with pytest.raises(TypeError) as error:
+                use(loop)
+            assert name in str(error.value)
 
 
 def test_the_contents_of_mutually_recursive_loops_are_finite():

@@ -17,6 +17,7 @@ from pedpred.errors import ConfigError, InputError, ValueRuleError
 from stages.config import SHARED_PARTS, write_shared
 from tests.configuration import read
 from tests.conftest import ROOT
+from tests.refused import refused
 
 DVC_YAML = """
 vars:
@@ -56,7 +57,6 @@ trackers: {quick: {q: 1}, slow: {q: 2}}
 models: {lstm: {units: 4}, lstm_nogrid: {units: 2}}
 """
 TRAINING = {"rate": 0.1, "phases": {"first": {"steps": 1}, "second": {"steps": 2}}}
-UNKNOWN = ("nothing", "listed@zara", "listed", "plain@eth")
 STAGE = """
 from pathlib import Path
 from pedpred.config import stage
@@ -129,29 +129,28 @@ def look(project, monkeypatch, capfd):
         ("referring@eth", {"scenes": {"eth": {"tracker": "quick"}}, "trackers": {"quick": {"q": 1}}}),
         ("crossed@lstm-hotel", {"models": {"lstm": {"units": 4}}, "scenes": {"hotel": {"tracker": "slow"}}}),
         ("deep@second", {"training": {"phases": {"second": {"steps": 2}}}}),
-        ("dvc.yaml:listed@eth", {"scenes": {"eth": {"tracker": "quick"}}}),
     ],
 )
-def test_a_stage_sees_the_declared_keys_of_every_kind_of_stage_and_nothing_else(project, address, expected):
+def test_a_stage_sees_its_declared_keys_and_nothing_else(project, address, expected):
     assert config.declared(project, address, []) == expected
 
 
-def test_a_stage_sees_the_parts_whose_files_it_depends_on_as_they_were_checked(project):
-    with pytest.raises(ConfigError, match=r"trackers\.yaml': there is no.*`dvc repro config`"):
+def test_a_stage_sees_shared_parts_as_they_were_checked(project):
+    with refused("trackers"):
         config.declared(project, "sharing", [])
     params = OmegaConf.create({name: {"slow": {"q": 1e-7}} for name in SHARED_PARTS})
     write_shared(params, project)
     assert config.declared(project, "sharing", []) == {"seed": None, "trackers": {"slow": {"q": 1e-7}}}
 
 
-def test_every_part_that_is_written_is_read_by_some_stage_and_declared_by_none():
+def test_every_shared_part_is_read_and_declared_by_none():
     lines = (ROOT / "dvc.yaml").read_text()
     assert set(re.findall(rf"{config.SHARED}/(\w+)\.yaml", lines)) == set(SHARED_PARTS)
     for block in re.findall(r"params:\s*\[([^\]]*)\]", lines):
         assert not {key.strip(' "') for key in block.split(",")} & set(SHARED_PARTS)
 
 
-def test_a_stage_does_not_read_the_lock_that_another_command_may_be_writing(project):
+def test_a_stage_does_not_read_a_lock_that_is_being_written(project):
     (project / "dvc.lock").write_text("schema: '2.0'\nstages:\n  bare:\n    cm")
     assert config.declared(project, "bare", []) == {}
 
@@ -165,55 +164,56 @@ def test_a_row_is_merged_over_its_base():
     cfg = OmegaConf.create({"forces": {"a": {"x": {"p": 1, "q": 2}}, "b": {"base": "a", "x": {"q": 3}}}})
     assert config.row(cfg, "forces", "b") == {"x": {"p": 1, "q": 3}}
     assert config.row(cfg, "forces", "a") == {"x": {"p": 1, "q": 2}}
-    with pytest.raises(ConfigError, match=r"'forces' = 'c': no such row; there are a, b"):
+    with refused("forces"):
         config.row(cfg, "forces", "c")
     cfg = OmegaConf.create({"forces": {"a": {"base": "b"}, "b": {"base": "a"}}})
-    with pytest.raises(ConfigError, match=r"'forces\.a\.base' = 'b': a row cannot be its own base"):
+    with refused("forces.a.base"):
         config.row(cfg, "forces", "a")
 
 
 @pytest.mark.parametrize(
-    ("error", "message"),
+    ("error", "key"),
     [
-        (ValueRuleError("every", 0, "it must be positive"), "'sensors.robot.every' = 0: it must be positive"),
-        (TypeError("unexpected keyword argument 'magic'"), "'sensors.robot' = None: unexpected.*'magic'"),
-        (KeyError("seed"), "'sensors.robot' = None: 'seed'"),
+        (ValueRuleError("every", 0, "it must be positive"), "sensors.robot.every"),
+        (TypeError("unexpected keyword argument 'magic'"), "sensors.robot"),
+        (KeyError("seed"), "sensors.robot"),
     ],
 )
-def test_errors_of_settings_get_the_configuration_key(error, message):
-    with pytest.raises(ConfigError, match=message), config.configured("sensors.robot"):
+def test_errors_of_settings_get_the_configuration_key(error, key):
+    with pytest.raises(ConfigError) as raised, config.configured("sensors.robot"):
         raise error
+    assert raised.value.field == key
 
 
-def test_an_unknown_row_is_refused_with_the_names_of_those_that_exist():
+def test_an_unknown_row_is_refused_with_the_known_ones():
     cfg = OmegaConf.create({"places": {"eth": 1, "hotel": 2}})
     OmegaConf.set_struct(cfg, True)
     for key in ("places", "kind"):
         with (
-            pytest.raises(SystemExit, match=r"eth, hotel"),
+            pytest.raises(SystemExit, match="eth, hotel"),
             config.config_errors(),
             config.configured("places"),
         ):
             cfg.places.zara if key == "places" else config.one_of("kind", "zara", cfg.places)
-    with pytest.raises(SystemExit, match=r"give it: \+kind="), config.config_errors():
+    with pytest.raises(SystemExit, match=r"\+kind="), config.config_errors():
         _ = cfg.kind
 
 
 def test_a_stage_is_told_its_name_by_its_command():
     assert config.stage_key(OmegaConf.create({"name": "lstm"})) == "lstm"
-    with pytest.raises(ConfigError, match="give one"):
+    with pytest.raises(ConfigError):
         config.stage_key(OmegaConf.create({}))
 
 
 @pytest.mark.parametrize(
-    ("address", "message"),
+    ("address", "key"),
     [
-        *((name, f"'DVC_STAGE' = '{name}': dvc.yaml has no such stage; there are plain") for name in UNKNOWN),
-        ("missing", r"'scenes\.zara' = None: dvc\.yaml declares it"),
+        *((name, "DVC_STAGE") for name in ("nothing", "listed@zara", "listed", "plain@eth")),
+        ("missing", "scenes.zara"),
     ],
 )
-def test_an_unknown_stage_declared_key_or_template_value_is_named(project, address, message):
-    with pytest.raises(ConfigError, match=message):
+def test_an_unknown_stage_or_declared_key_is_refused(project, address, key):
+    with refused(key):
         config.declared(project, address, [])
 
 
@@ -229,31 +229,26 @@ def test_what_stages_declare_is_found_again_after_an_edit(project):
     assert config.declared(project, "bare", []) == {"seed": None}
 
 
-def test_a_stage_under_dvc_sees_declared_keys_and_its_own_arguments(project):
+def test_a_stage_under_dvc_leaves_its_output_alone(project):
     before = {path for path in project.rglob("*") if "__pycache__" not in path.parts}
     run = python(project, "stages.look", DVC_STAGE="plain")
     assert (run.returncode, run.stderr) == (0, "")
     assert (project / "seen.txt").read_text() == "nobody 0.1 None"
     after = {path for path in project.rglob("*") if "__pycache__" not in path.parts}
-    left = {path for path in after - before if project / "build" not in (path, path.parent)}
-    assert left == {project / "seen.txt"}, "a stage leaves nothing behind but its output"
-    assert python(project, "stages.look", "+out=other.txt", DVC_STAGE="plain").returncode == 0
-    assert (project / "other.txt").read_text() == "nobody 0.1 None"
+    assert {path for path in after - before if project / "build" not in (path, path.parent)} == {
+        project / "seen.txt"
+    }
 
 
-def test_reading_an_undeclared_key_ends_the_stage_with_its_name(project):
-    run = python(project, "stages.look", "+out=spill.txt", DVC_STAGE="plain")
-    assert run.returncode == 1
-    assert "'models'" in run.stderr
-    assert "stage 'plain' reads it, but dvc.yaml does not declare it" in run.stderr
-    assert "Traceback" not in run.stderr
+def test_an_undeclared_key_ends_the_stage_with_its_name(look):
+    said = look("+out=spill.txt", DVC_STAGE="plain")
+    assert "'models'" in said
+    assert "stage 'plain'" in said
 
 
 @pytest.mark.parametrize("out", ["/dev/full", "params.yaml/seen.txt", f"{'x' * 300}", "/proc/seen.txt"])
-def test_a_stage_refuses_an_output_that_cannot_be_written_before_it_works(look, out):
-    said = look(f"+out={out}", DVC_STAGE="plain")
-    assert said.startswith("OutputError")
-    assert "Traceback" not in said
+def test_a_stage_refuses_a_bad_output_before_it_works(look, out):
+    assert look(f"+out={out}", DVC_STAGE="plain").startswith("OutputError")
 
 
 def test_by_hand_a_stage_composes_conf_with_its_overrides(project):
@@ -262,46 +257,24 @@ def test_by_hand_a_stage_composes_conf_with_its_overrides(project):
     assert (project / "mine.txt").read_text() == "eth 0.5 None"
 
 
-def test_a_misspelt_argument_of_a_stage_by_hand_is_refused(project, look):
-    said = look("+name=eth", "+Out=mine.txt")
-    assert said.startswith("ConfigError: configuration key 'Out' = 'mine.txt': it is no argument")
-    assert not (project / "seen.txt").exists()
-
-
-@pytest.mark.parametrize("added", ["++Out=1", "+trainings.rate=1", "++name.of=1"])
-def test_what_is_added_by_hand_where_nobody_reads_it_is_refused(project, look, added):
-    key = added.lstrip("+").partition("=")[0]
-    assert f"configuration key '{key}' = '1': it is no argument" in look("+name=eth", added)
-    assert not (project / "seen.txt").exists()
-
-
-@pytest.mark.parametrize("added", ["+fold=all", "+curve=mine.tsv"])
-def test_an_argument_of_another_stage_is_refused(project, look, added):
+@pytest.mark.parametrize("added", ["+Out=1", "++trainings.rate=1", "++name.of=1", "+fold=1", "+curve=1"])
+def test_what_is_added_where_nobody_reads_it_is_refused(project, look, added):
+    """A misspelt argument, a key that conf/ does not have, arguments of other stages."""
     said = look("+name=eth", added)
-    assert "it is no argument and no key of conf/" in said
+    assert f"'{added.lstrip('+').partition('=')[0]}' = '1'" in said
     assert said.endswith("arguments are name, out")
     assert not (project / "seen.txt").exists()
 
 
-@pytest.mark.parametrize(("given", "curve"), [((), "mine.txt.tsv"), (("+curve=mine.tsv",), "mine.tsv")])
-def test_the_curve_of_a_trial_is_written_beside_it(project, given, curve):
+def test_the_curve_of_a_trial_is_written_beside_it(project):
     look = project / "stages/look.py"
     look.write_text(look.read_text().replace('@stage("name")', '@stage("name", "curve")'))
-    run = python(project, "stages.look", "+out=mine.txt", *given)
+    run = python(project, "stages.look", "+out=mine.txt")
     assert run.returncode == 0, run.stderr
-    assert (project / curve).read_text() == "step"
+    assert (project / "mine.txt.tsv").read_text() == "step"
 
 
-def test_help_names_purpose_and_arguments_of_a_stage():
-    run = python(ROOT, "stages.train", "--help")
-    assert run.returncode == 0, run.stderr
-    first, *lines = run.stdout.splitlines()
-    arguments = "[+name=...] [+network=...] [+fold=...] [+curve=...] [+out=...]"
-    assert first == f"usage: python -m stages.train {arguments} [KEY=VALUE ...]"
-    assert "Train row `name` of conf/trainings" in lines[1]
-
-
-def test_runs_of_several_values_leave_nothing_beside_their_outputs(project):
+def test_runs_of_several_values_leave_their_outputs_alone(project):
     settings = read("conf/config.yaml")["hydra"]
     with (project / "conf" / "config.yaml").open("a") as file:
         file.write(yaml.safe_dump({"hydra": settings}))
@@ -311,18 +284,17 @@ def test_runs_of_several_values_leave_nothing_beside_their_outputs(project):
     assert {path.name for path in project.iterdir()} - before == {"1.txt", "2.txt", "build"}
 
 
-@pytest.mark.parametrize(("folder", "remedy"), [("data/none", ". `dvc repro` writes it again"), ("none", "")])
-def test_a_folder_that_a_stage_misses_is_named_with_the_remedy(folder, remedy):
+@pytest.mark.parametrize(("folder", "remedy"), [("data/none", True), ("none", False)])
+def test_a_missing_folder_of_the_pipeline_has_a_remedy(folder, remedy):
     with pytest.raises(SystemExit) as ended, config.config_errors():
         os.listdir(folder)
-    assert ended.value.code == f"{folder}: there is no such file or folder{remedy}"
+    assert ("dvc repro" in ended.value.code) == remedy
 
 
 def test_there_is_one_remedy_for_a_damaged_file_of_a_stage():
     with pytest.raises(SystemExit) as ended, config.config_errors():
         raise InputError(Path("data/scene.json"), "size", "it is negative", "Write the scene again")
-    told = "InputError: data/scene.json, size: it is negative"
-    assert ended.value.code == f"{told}. `dvc repro` writes it again"
+    assert ended.value.code.endswith("data/scene.json, size: it is negative. `dvc repro` writes it again")
 
 
 def test_commands_give_arguments_that_their_stages_read():
@@ -352,9 +324,8 @@ def compose(project, monkeypatch):
 
 @pytest.mark.parametrize("override", ["training.pace=0.5", "scale=huge", "nonsense"])
 def test_an_unknown_key_or_option_is_named_without_a_traceback(look, compose, override):
-    by_hand = look(override)
-    assert "Traceback" not in by_hand
-    for said in (by_hand, compose(override)):
+    for said in (look(override), compose(override)):
+        assert "Traceback" not in said
         assert override.split("=")[-1] in said or "pace" in said
 
 
@@ -363,7 +334,7 @@ def test_a_key_that_conf_does_not_have_is_not_written(project, compose):
     assert (project / "params.yaml").read_text() == PARAMS_YAML
 
 
-def test_composing_twice_gives_the_same_bytes_and_the_check_agrees(project, compose):
+def test_composing_twice_gives_the_same_bytes(project, compose):
     assert compose() == ""
     first = (project / "params.yaml").read_bytes()
     assert compose() == ""
@@ -378,11 +349,10 @@ def test_the_check_fails_with_a_diff_after_an_edit_under_conf(project, compose):
     said = compose("--check", "--stamp", "data/checked")
     assert "-  pedestrians: 20\n+  pedestrians: 21" in said
     assert "make params" in said
-    assert "If `dvc exp` wrote" in said, "`make params` would throw away the values of an experiment"
     assert not (project / "data" / "checked").exists()
 
 
-@pytest.mark.parametrize("damage", [b"{", b"\xff\xfe", b"a: [1"])
+@pytest.mark.parametrize("damage", [b"{", b"\xff\xfe"])
 def test_a_damaged_params_yaml_is_named(project, compose, damage):
     (project / "params.yaml").write_bytes(damage)
     said = compose("--check")
@@ -390,7 +360,7 @@ def test_a_damaged_params_yaml_is_named(project, compose, damage):
     assert "params.yaml" in said
 
 
-def test_inside_an_experiment_the_overridden_params_pass_the_check(compose, monkeypatch):
+def test_inside_an_experiment_its_params_pass_the_check(compose, monkeypatch):
     compose("scale=smoke")
     assert compose("--check") != ""
     monkeypatch.setenv("DVC_EXP_NAME", "sweep-1")

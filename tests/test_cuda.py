@@ -12,30 +12,32 @@ from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training import train
 from pedpred.training.distributed import ALONE, DistributedContext, distributed_context
 from pedpred.training.fit import fit
-from tests import test_instant_training as instants
-from tests import test_learning as sequences
 from tests.exported import lstm, train_on, widths_of
-from tests.test_processes import VARIED
+from tests.trainings import INSTANTS, MIXTURE, SIZES, STEPS, VARIED, WIDTHS, toy_data, write_situations
 
 pytestmark = pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
 
 CUDA = DistributedContext(torch.device("cuda", 0))
-folders = instants.folders
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    return write_situations(tmp_path_factory.mktemp("situations"))
 
 
 def of_sequences(here):
     """A learner of tracks whose network drops no units: random numbers of two devices differ."""
     torch.manual_seed(0)
-    data = sequences.toy_data(np.random.default_rng(2)).to(here.device)
-    network = lstm(16, 16, {"state": (8, 8), "angular": (8, 8)}).build(sequences.WIDTHS, 4).to(here.device)
+    data = toy_data(np.random.default_rng(2)).to(here.device)
+    network = lstm(16, 16, {"state": (8, 8), "angular": (8, 8)}).build(WIDTHS, 4).to(here.device)
     rows = data.spans.rows
     return train_on(network, data, rows[:4], rows[4:], VARIED, here)
 
 
 def of_instants(here, folders):
     torch.manual_seed(0)
-    network = instants.NETWORK.build(widths_of(instants.SIZES), instants.STEPS).to(here.device)
-    return instants.QUICK.learner(network, load_rows(folders).to(here.device), here)
+    network = MIXTURE.build(widths_of(SIZES), STEPS).to(here.device)
+    return INSTANTS.learner(network, load_rows(folders).to(here.device), here)
 
 
 @pytest.fixture(params=["sequences", "instants"])
@@ -92,12 +94,12 @@ def test_narrow_products_change_a_loss_by_their_rounding_only(learner):
     assert losses[1] == pytest.approx(losses[0], rel=2e-2)
 
 
-def test_networks_that_were_trained_on_cuda_are_read_where_there_is_none(folders, tmp_path):
+def test_networks_trained_on_cuda_are_read_where_there_is_none(folders, tmp_path):
     rows = load_rows(folders)
-    start, _, about = fit(instants.NETWORK, None, rows, instants.QUICK, "", CUDA)
+    start, _, about = fit(MIXTURE, None, rows, INSTANTS, "", CUDA)
     write_checkpoint(tmp_path / "start", start.state_dict(), about)
-    several = dataclasses.replace(instants.QUICK, runs=3)
-    mean, _, about = fit(instants.NETWORK, tmp_path / "start", rows, several, "", CUDA)
+    several = dataclasses.replace(INSTANTS, runs=3)
+    mean, _, about = fit(MIXTURE, tmp_path / "start", rows, several, "", CUDA)
     write_checkpoint(tmp_path / "mean", mean.state_dict(), about)
     network = load_network(tmp_path / "mean")
     for name, weights in mean.state_dict().items():

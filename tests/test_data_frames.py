@@ -7,9 +7,10 @@ import pytest
 import pedpred
 from pedpred.command import main
 from pedpred.command.forecast_tables import COLUMNS
-from pedpred.errors import InputError, ValueRuleError
+from pedpred.errors import InputError
 from pedpred.scenes import OccupancyMap
 from pedpred.storage.maps import write_map
+from tests.refused import refused
 
 WALKS = pd.DataFrame(
     [(0.4 * k, who, 0.4 * k, 1.5 * who) for k in range(8) for who in (1, 2)], columns=["time", "id", "x", "y"]
@@ -45,15 +46,6 @@ def test_forecasts_lie_ahead_of_a_person_who_walks_straight(forecasts):
     np.testing.assert_allclose(forecasts.groupby(["track", "time", "step"]).weight.sum(), 1.0)
 
 
-def test_ids_titles_units_and_frames_are_those_of_the_table(forecasts):
-    frame = (WALKS.time / 0.4).round().astype(int)
-    own = pd.DataFrame({"frame": frame, "agent": WALKS.id.map({1: "Ann", 2: "Bo"})})
-    own["x"], own["y"] = 100 * WALKS.x, 100 * WALKS.y
-    found = pedpred.predict(own, rate_hz=2.5, unit="cm", columns={"id": "agent"})
-    assert set(found.track) == {"Ann", "Bo"}
-    np.testing.assert_allclose(found[["time", "x", "y"]], forecasts[["time", "x", "y"]], atol=1e-6)
-
-
 @pytest.mark.parametrize("names", [{1: 70, 2: 2**53 + 1}, {1: "Ann", 2: "Bo"}, {1: 0.5, 2: 1.5}])
 def test_ids_come_back_unchanged(forecasts, names):
     found = pedpred.predict(WALKS.assign(id=WALKS.id.map(names)))
@@ -73,11 +65,10 @@ def test_a_map_may_be_an_object_or_a_path(tmp_path, forecasts):
 @pytest.mark.parametrize(
     "change",
     [
-        lambda t: t.set_index("time"),
         lambda t: t.set_index(["id", "time"]),
         lambda t: t.assign(time=pd.to_datetime(t.time + 1709683200, unit="s", utc=True)).set_index("time"),
     ],
-    ids=["index", "levels of the index", "dates"],
+    ids=["levels of the index", "dates"],
 )
 def test_an_index_means_what_its_columns_mean_in_a_file(change, tmp_path, forecasts):
     table = change(WALKS)
@@ -86,17 +77,11 @@ def test_an_index_means_what_its_columns_mean_in_a_file(change, tmp_path, foreca
     assert_equal(found, by_command(table, tmp_path, index=True))
 
 
-@pytest.mark.parametrize("nothing", [np.nan, None, pd.NA])
+@pytest.mark.parametrize("nothing", [np.nan, pd.NA])
 def test_rows_without_a_position_are_missing_detections(nothing):
     gap = WALKS.assign(id=WALKS.id.map({1: "Ann", 2: "Bo"})).astype(object)
     gap.loc[5, ["x", "y"]] = nothing
     pd.testing.assert_frame_equal(pedpred.predict(gap), pedpred.predict(gap.drop(index=5)))
-
-
-def test_copies_of_rows_and_other_classes_are_left_out(forecasts):
-    cars = WALKS.assign(id=9, x=WALKS.x + 0.1 * WALKS.id, type="car")
-    table = pd.concat([WALKS.assign(type="person"), WALKS[:3].assign(type="person"), cars])
-    pd.testing.assert_frame_equal(pedpred.predict(table), forecasts)
 
 
 @pytest.mark.parametrize(
@@ -104,21 +89,17 @@ def test_copies_of_rows_and_other_classes_are_left_out(forecasts):
     [
         (lambda t: t.drop(columns="x"), "--columns"),
         (lambda t: t.assign(time=t.time.where(t.index != 3)), "row 4"),
-        (lambda t: t.assign(x=t.x.astype(object).where(t.index != 3, "here")), "row 4"),
         (lambda t: t.assign(id=1), "row 2"),
         (lambda t: t.rename(columns={"time": "frame"}).round().drop_duplicates(["frame", "id"]), "--rate"),
         (lambda t: t.assign(x=100 * t.x, y=100 * t.y), "--unit"),
-        (lambda t: t.assign(time=1000 * t.time), "t_ms"),
     ],
 )
 def test_errors_name_the_row_or_the_option(change, named):
-    with pytest.raises(InputError) as refused:
+    with pytest.raises(InputError, match=named):
         pedpred.predict(change(WALKS))
-    assert named in str(refused.value)
 
 
 @pytest.mark.parametrize("wrong", [{"table": WALKS.to_dict("list")}, {"occupancy": np.zeros((3, 3))}])
 def test_an_argument_of_another_kind_is_refused_by_name(wrong):
-    with pytest.raises(ValueRuleError) as refused:
+    with refused(next(iter(wrong))):
         pedpred.predict(**{"table": WALKS, **wrong})
-    assert refused.value.field in wrong

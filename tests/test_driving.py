@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from pedpred.driving.course import course_to, route, walls_of
 from pedpred.driving.crowds import RecordedPeople, ReplayedCrowd
 from pedpred.driving.episodes import DriveSettings, Episode, EpisodeSettings, Place, draw_episode
-from pedpred.driving.forecasters import METHODS, NAMES, TRUTH, forecaster_of
-from pedpred.driving.loop import Drive, drive
+from pedpred.driving.forecasters import NAMES, TRUTH, forecaster_of
+from pedpred.driving.loop import drive
 from pedpred.driving.measures import find_contacts, measure
-from pedpred.driving.risk import contact_m, overlap
 from pedpred.driving.robot import KINDS, Robot, advance
 from pedpred.driving.sensor import Faults, RobotSensor, visible
 from pedpred.driving.tracked import TrackedPeople
@@ -25,7 +24,6 @@ from tests.worlds import blocked, empty_map
 DT_S = 0.1
 EXACT = RobotSensor(noise_m=0.0, missed=0.0)
 CALM = DriveSettings(sensor=EXACT)
-REACH_M = contact_m(Robot().radius_m)
 
 
 @pytest.fixture(scope="module")
@@ -71,58 +69,6 @@ def kind_of(name):
     return replace(CALM, robot=Robot(name))
 
 
-# Contacts
-
-
-def drive_of(robot, people, there_s=10.0):
-    robot, people = np.array(robot, float), np.array(people, float)
-    state = np.concatenate([robot, np.zeros((len(robot), 3))], axis=1)
-    return Drive(state, people, np.full(people.shape[:2], there_s), DT_S, True, np.zeros(len(robot) - 1))
-
-
-@given(st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=50)
-def test_a_robot_that_stands_is_never_at_fault(seed):
-    rng = np.random.default_rng(seed)
-    people = rng.uniform(-2, 2, (1, 8, 2)) + np.cumsum(rng.normal(0, 0.1, (50, 8, 2)), axis=0)
-    found = find_contacts(drive_of(np.zeros((50, 2)), people), 0.3)
-    assert not found.fault.any()
-
-
-@given(st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=50)
-def test_contacts_are_those_of_a_fine_clock(seed):
-    rng = np.random.default_rng(seed)
-    robot, people = np.cumsum(rng.normal(0, 0.3, (30, 2)), 0), np.cumsum(rng.normal(0, 0.3, (30, 3, 2)), 0)
-    found = find_contacts(drive_of(robot, people), 0.3)
-    fine = np.linspace(0, 29, 29 * 400 + 1)
-    low = np.minimum(fine.astype(int), 28)
-    share = (fine - low)[:, None, None]
-    between = people - robot[:, None]
-    near = np.hypot(*np.moveaxis((1 - share) * between[low] + share * between[low + 1], -1, 0)) < REACH_M
-    began, _ = np.nonzero(near[1:] & ~near[:-1])
-    for time_s in fine[began + 1] * DT_S:
-        assert np.abs(found.time_s - time_s).min() < DT_S / 200
-
-
-# Risk
-
-
-@given(st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=100)
-def test_the_probability_of_an_overlap_is_about_that_of_samples(seed):
-    """The rectangle is wider than the disc near its rim: it errs on the safe side."""
-    rng = np.random.default_rng(seed)
-    mean, long, flat = rng.uniform(-1.5, 1.5, 2), rng.uniform(0.02, 1.0), rng.uniform(0.3, 1.0)
-    angle = rng.uniform(0, np.pi)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    covariance = turn @ np.diag([long**2, (long * flat) ** 2]) @ turn.T
-    samples = rng.multivariate_normal(mean, covariance, 20_000)
-    share = (np.hypot(*samples.T) < REACH_M).mean()
-    own = overlap(*mean, covariance[0, 0], covariance[0, 1], covariance[1, 1], REACH_M)
-    assert -0.05 < own - share < 0.15
-
-
 # The robot and its way
 
 
@@ -163,7 +109,7 @@ def test_a_robot_drives_around_a_wall_without_touching_it(predictor, kind):
     assert (found.reached, found.wall_contacts) == (1, 0)
 
 
-def test_a_goal_behind_walls_has_no_route():
+def test_a_goal_in_or_behind_walls_has_no_route():
     ground = blocked(np.s_[95:105, :])
     ring = blocked(np.s_[120:160, 80:120])
     inner = ring.occupied.copy()
@@ -172,6 +118,9 @@ def test_a_goal_behind_walls_has_no_route():
     assert len(route(course, np.array([-4.0, 0.0]), 0.3)) == 0
     around = course_to(np.array([4.0, 0.0]), walls_of(ground), 0.3)
     assert len(route(around, np.array([-4.0, 0.0]), 0.3)) > 150
+    for goal in ((0.0, -3.5), (500.0, 0.0), (-1e8, 1e8)):  # in the wall, and outside of the ground
+        course = course_to(np.array(goal), walls_of(ground), 0.3)
+        assert not len(route(course, np.array([-4.0, 0.0]), 0.3))
 
 
 # The loop
@@ -214,7 +163,12 @@ def test_only_the_named_forecaster_sees_the_future(predictor, method):
 
 @pytest.mark.parametrize(
     ("kind", "method"),
-    [*(("differential", name) for name in NAMES), ("holonomic", "modes"), ("holonomic", TRUTH)],
+    [
+        ("differential", "modes"),
+        ("differential", "social_force"),
+        ("holonomic", "modes"),
+        ("holonomic", TRUTH),
+    ],
 )
 def test_mirrored_worlds_give_mirrored_drives(predictor, kind, method):
     """A robot of another kind plans with the same forecasts: one with modes and covariances, one exact."""
@@ -228,7 +182,7 @@ def test_mirrored_worlds_give_mirrored_drives(predictor, kind, method):
     np.testing.assert_allclose(one.state[:, :2], two.state[:, :2] * (1.0, -1.0), atol=1e-6)
 
 
-@pytest.mark.parametrize("method", [*METHODS, "social_force"])
+@pytest.mark.parametrize("method", ["modes", "social_force"])
 def test_without_detections_a_robot_arrives(predictor, method):
     blind = replace(CALM, sensor=replace(EXACT, range_m=0.01))
     assert driven(predictor, method, episode_to((0.0, 0.0), CROSSING), blind).reached
@@ -348,12 +302,6 @@ def test_a_place_where_nobody_can_be_met_is_refused():
     wide = DriveSettings(robot=Robot(radius_m=8.0))
     with pytest.raises(ValueRuleError):
         draw_episode(place, 0, wide, tries=1000)
-
-
-@pytest.mark.parametrize("goal", [(0.0, 0.0), (500.0, 0.0), (-1e8, 1e8)])
-def test_no_way_leads_to_a_goal_in_a_wall_or_outside_the_ground(goal):
-    course = course_to(np.array(goal), walls_of(blocked(np.s_[90:110, 90:110])), 0.3)
-    assert not len(route(course, np.array([-4.0, 0.0]), 0.3))
 
 
 def test_ground_that_would_fill_the_memory_is_refused():

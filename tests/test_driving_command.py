@@ -38,13 +38,12 @@ def test_a_table_is_the_same_however_it_grew(tmp_path, capsys):
     assert before.st_size == len(whole)
 
 
-@pytest.mark.parametrize("processes", ["1", "2"])
-def test_an_interrupted_run_continues_where_it_was(processes, tmp_path):
+def test_an_interrupted_run_continues_where_it_was(tmp_path):
     """Ctrl-C ends workers quietly and keeps what is done; the rest gives the bytes of an undisturbed run."""
     table, whole = tmp_path / "table.csv", tmp_path / "whole.csv"
     methods = "--method", "standing", "--method", "kalman", "--risk", "0.1"
     command = [sys.executable, "-m", "pedpred.command", "drive", CORNER, "--table", str(table), *methods]
-    command += ["--episodes", "5000", "--processes", processes]
+    command += ["--episodes", "5000", "--processes", "2"]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("TQDM_")}
     environment["TQDM_MININTERVAL"] = "0"
     default = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # which background jobs ignore
@@ -86,13 +85,12 @@ def test_drives_of_other_settings_or_versions_are_not_added(tmp_path, monkeypatc
     assert (tmp_path / "table.csv").read_bytes() == before
 
 
-@pytest.mark.parametrize("content", [b"\x89PNG\r\n", b"time,id,x,y\n", b"place,robot\nhere,there\n"])
+@pytest.mark.parametrize("content", [b"\x89PNG\r\n", b"place,robot\nhere,there\n"])
 def test_another_file_than_a_table_of_drives_stays(content, tmp_path):
     table = tmp_path / "table.csv"
     table.write_bytes(content)
-    with pytest.raises(SystemExit) as refused:
+    with pytest.raises(SystemExit, match=r"table\.csv"):
         driven(table, "--episodes", "1", "--method", "standing")
-    assert "table.csv" in str(refused.value)
     assert table.read_bytes() == content
 
 
@@ -110,21 +108,16 @@ def test_an_episode_is_recorded_with_the_robot(tmp_path):
         ("", ""),
         (CORNER, "--world corridor"),
         ("--world room", "--map people.mcap"),
-        ("--world room", "--rate 5"),
         (CORNER, "--people react"),
         (CORNER, "--episode 3"),
         (CORNER, "--curves curves.svg"),
-        (CORNER, "--table one.png --curves ./one.png"),
         (CORNER, "--record x.png --table drives.csv"),
         (CORNER, "--record x.png --episodes 3"),
-        (CORNER, "--record x.png --curves curves.png"),
         (CORNER, "--record x.csv"),
         (CORNER, "--record x.mcap --method true_future"),
-        (CORNER, "--record x.mcap --method kalman --method modes"),
         (CORNER, "--record x.mcap --risk 0.1 0.2"),
         (CORNER, f"--record x.mcap --compare other={MODEL}"),
         (CORNER, "--compare other=nowhere"),
-        (CORNER, "--compare other"),
         (CORNER, f"--compare modes={MODEL}"),
         (CORNER, f"--compare o={MODEL} --compare o={MODEL}"),
         (CORNER, "--speed-mps 5.7"),
@@ -137,13 +130,6 @@ def test_options_that_contradict_each_other_are_refused(place, options, tmp_path
     with pytest.raises(SystemExit):
         main(["drive", *place.split(), *options.split()])
     assert [path.name for path in tmp_path.iterdir()] == ["people.mcap"]
-
-
-def test_one_episode_needs_no_place_for_a_table(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "people_drives.csv").mkdir()
-    main(["drive", CORNER, "--record", "x.mcap", "--method", "standing"])
-    assert {"x.mcap", "x.foxglove.json"} < {path.name for path in tmp_path.iterdir()}
 
 
 def test_a_run_that_drives_nothing_leaves_no_table(tmp_path):
@@ -162,21 +148,20 @@ def test_pictures_are_the_same_bytes_each_time(tmp_path):
         assert one == two
 
 
-def test_without_matplotlib_a_picture_is_refused_before_work_begins(tmp_path, monkeypatch):
+def test_without_matplotlib_a_picture_is_refused_at_once(tmp_path, monkeypatch):
     monkeypatch.setattr(driving, "find_spec", lambda name: None)
     arguments = [str(ROOT / "examples/corner"), "--table", str(tmp_path / "drives.csv"), "--episodes", "1"]
-    with pytest.raises(SystemExit) as refused:
+    with pytest.raises(SystemExit, match=r"pedpred\[pictures\]"):
         main(["drive", *arguments, "--curves", str(tmp_path / "curves.png")])
-    assert "pedpred[pictures]" in str(refused.value)
     assert not list(tmp_path.iterdir())
 
 
 def test_another_network_is_compared_by_its_name(tmp_path, capsys):
     """The default model beside itself drives the same; a later run adds it to a table without it."""
-    folder, table = MODEL, tmp_path / "table.csv"
+    table = tmp_path / "table.csv"
     options = "--episodes", "1", "--method", "modes", "--risk", "0.1"
     alone = driven(table, *options)
-    both = driven(table, *options, "--compare", f"other={folder}")
+    both = driven(table, *options, "--compare", f"other={MODEL}")
     one, other = read_table(table)
     assert (other.condition.method, other.measures) == ("other", one.measures)
     assert both.startswith(alone)
@@ -187,9 +172,8 @@ def test_drives_of_a_network_that_is_not_named_are_refused(tmp_path):
     driven(table := tmp_path / "table.csv", "--episodes", "1", "--method", "standing")
     lines = table.read_text().replace("standing", "other")
     table.write_text(lines)
-    with pytest.raises(SystemExit) as refused:
+    with pytest.raises(SystemExit, match="--compare"):
         driven(table, "--episodes", "2", "--method", "standing")
-    assert "--compare" in str(refused.value)
     assert table.read_text() == lines
 
 

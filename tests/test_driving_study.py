@@ -18,10 +18,9 @@ from pedpred.driving.measures import Measures
 from pedpred.driving.shown import choose_episodes
 from pedpred.driving.study import StudyPlace, StudySettings, drive_block, write_study
 from pedpred.driving.table import Condition, Row, read_table, write_table
-from pedpred.errors import ValueRuleError
 from pedpred.files import read_json
 from pedpred.report.canvas import png_bytes
-from pedpred.report.drives import LABELS, answer, drives_section, read_shown
+from pedpred.report.drives import LABELS, drives_section, read_shown
 from pedpred.ros import read_bag
 from pedpred.scenes import Scene
 from pedpred.storage.scenes import write_scene
@@ -118,15 +117,6 @@ def test_a_missing_recording_leaves_an_empty_table(tmp_path):
     assert read_shown(tmp_path / "drives") == []
 
 
-def test_settings_that_show_nothing_are_refused():
-    with pytest.raises(ValueRuleError):
-        replace(SETTINGS, methods=("modes",))
-    with pytest.raises(ValueRuleError):
-        replace(SETTINGS, methods=("modes", "kalman", "oracle"))
-    with pytest.raises(ValueRuleError):
-        replace(PLACE, world="forest")
-
-
 def made_rows(faults, times_s, risk=0.1):
     """A table of `modes` and `kalman` with given faults and times of each episode."""
     usual = dict.fromkeys(Measures.__annotations__, 1)
@@ -170,11 +160,3 @@ def test_episodes_are_shown_where_most_and_least_is_avoided():
     for rows in both:
         chosen = choose_episodes(rows, Condition("modes", 0.1), Condition("kalman", 0.1))
         assert chosen == {"helps": 1, "hinders": 2, "usual": 0}
-
-
-def test_the_sentence_says_fewer_only_if_the_interval_does():
-    figures = figures_of(made_rows({"modes": [0] * 4, "kalman": [0] * 4}, {m: [8.0] * 4 for m in LABELS}))
-    assert answer("here", figures) == ""
-    for bounds, verdict in (([-0.2, -0.1], ": fewer."), ([0.1, 0.2], ": more."), ([-0.1, 0.1], "neither")):
-        found = {"kalman": {"time_s": 9.0, "at_fault": np.mean(bounds), "at_fault_ci95": bounds}}
-        assert verdict in answer("here", figures | {"equal_time": found})

@@ -5,13 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pedpred.driving import places
 from pedpred.driving.episodes import DriveSettings
 from pedpred.driving.forecasters import NAMES, forecaster_of
 from pedpred.driving.loop import ROBOT, drive
 from pedpred.driving.places import KINDS, Worlds, draw_world
-from pedpred.driving.robot import Robot
-from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor
 from tests.conftest import ROOT
 
@@ -116,14 +113,6 @@ def test_people_who_react_walk_to_goals_of_their_world(corridor):
         crowd.advance()
     assert len(ended) >= 5
     assert max(ended.values()) <= 1.5
-
-
-def test_where_no_world_has_an_episode_the_reasons_are_said(monkeypatch):
-    monkeypatch.setattr(places, "_DRAWS", 2)
-    wide = DriveSettings(Robot(radius_m=3.0))
-    with pytest.raises(ValueRuleError) as error:
-        Worlds("corridor", react=True).draw(0, wide)
-    assert (error.value.field, error.value.value) == ("world", "corridor")
 
 
 def test_the_planning_example_of_the_page_brakes_for_who_crosses():

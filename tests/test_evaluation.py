@@ -1,13 +1,13 @@
-"""Measures: hand-computed values, and no dependence on order or batch."""
+"""Figures of an evaluation: what is measured, honest intervals, and a real row from raw files."""
 
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
 
+from pedpred.baselines.present_motion import kalman_covariance
 from pedpred.baselines.registry import BASELINES, baseline
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import (
@@ -23,12 +23,14 @@ from pedpred.evaluation.summary import TrackBootstrap, summarise_test_set
 from pedpred.evaluation.windows import integrate_truth
 from pedpred.features import ForecastProtocol, extract_at_detections
 from pedpred.metrics import METRICS, Metric
-from pedpred.metrics.paths import displacement, too_close
-from pedpred.scenes import Predictions, Scene, Trajectories
-from pedpred.tracking import KalmanSettings
+from pedpred.metrics.calibration import REGIONS, coverage, share_inside
+from pedpred.scenes import Predictions
+from pedpred.tracking import KalmanSettings, follow
+from tests.conftest import ROOT
 from tests.forecasts import drawn_predictions, metric_scene, request_about
+from tests.model_walks import model_walks
 from tests.refused import refused
-from tests.worlds import empty_map, tracked, walled_scene
+from tests.worlds import tracked, walled_scene
 
 SETTINGS = EvaluationSettings(bootstrap=10)
 
@@ -45,36 +47,6 @@ def walled_request(**given):
 def windows_of(request):
     asked = request.asked
     return WindowSet(request, integrate_truth(asked, 0.3), asked.track_id, asked.time_s)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_too_close_is_symmetric_and_counts_every_step(seed):
-    rng = np.random.default_rng(seed)
-    paths, time_s = rng.normal(size=(20, 3, 2)), rng.integers(0, 4, 20).astype(float)
-    gap = displacement(paths[:, None], paths).min(axis=-1)
-    near = (gap < 0.5) & (time_s[:, None] == time_s) & ~np.eye(20, dtype=bool)
-    np.testing.assert_array_equal(too_close(paths, time_s, 0.5), near.any(axis=1))
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_summary_of_parts_pools_to_the_whole(seed):
-    rng = np.random.default_rng(seed)
-
-    def part(windows):
-        moving_m = np.where(rng.random(windows) < 0.5, rng.random(windows), np.nan)
-        steps = rng.random((windows, 10)), rng.exponential(2.0, (windows, 10)), rng.normal(size=(windows, 10))
-        return Scores(rng.integers(0, 5, windows), {"moving_ade_m": moving_m}, *steps)
-
-    a, b = part(30), part(20)
-    whole = pool_scores([a, b])
-    assert len(np.unique(whole.track)) == len(np.unique(a.track)) + len(np.unique(b.track))
-    total = summarise_methods({"m": whole}, "m", EvaluationSettings(bootstrap=10))["m"]
-    apart = np.concatenate([part.values["moving_ade_m"] for part in (a, b)])
-    assert total["moving_ade_m"] == pytest.approx(np.nanmean(apart), abs=1e-5)
-    assert total["moving_ade_m_minus_reference"] == 0
-    assert total["moving_ade_m_minus_reference_ci95"] == [0, 0]
-    assert np.mean(total["per_step_m"]) == pytest.approx((a.error_m.sum() + b.error_m.sum()) / 500, abs=1e-5)
-    assert np.mean(total["per_step_nll"]) == pytest.approx((a.nll.sum() + b.nll.sum()) / 500, abs=1e-5)
 
 
 def test_only_what_was_measured_alike_is_pooled_or_compared():
@@ -94,39 +66,6 @@ def test_only_what_was_measured_alike_is_pooled_or_compared():
     for other in (measured("ade_m", windows=3), measured("ade_m", track=1)):
         with pytest.raises(ValueRuleError):
             summarise_methods({"usual": usual, "other": other}, "usual", settings)
-
-
-def test_bootstrap_resamples_tracks_not_windows():
-    """Windows of a track that repeat each other add no certainty."""
-    rng = np.random.default_rng(0)
-    per_track = rng.normal(1.0, 0.3, 40)
-    tracks = np.arange(40), np.repeat(np.arange(40), 25)
-    drawn = [TrackBootstrap.draw(track, 2000, np.random.default_rng(1)) for track in tracks]
-    once, often = drawn[0].interval(per_track), drawn[1].interval(np.repeat(per_track, 25))
-    np.testing.assert_allclose(once, often)
-    assert once[0] < per_track.mean() < once[1]
-    spread = 2 * 1.96 * per_track.std() / np.sqrt(40)
-    assert once[1] - once[0] == pytest.approx(spread, rel=0.2)
-
-
-def test_baselines_are_exact_on_what_they_assume():
-    time_s = np.arange(40) * 0.4
-    for bend, method in ((0.0, "cv"), (0.2, "ca")):
-        x = 1.2 * time_s + 0.5 * bend * time_s**2
-        walk = Trajectories(time_s, np.zeros(40), np.stack([x, 0 * x], axis=-1))
-        scene = Scene("walk", walk, empty_map(), 0.4)
-        request = request_about(scene, table_of(scene))
-        error = displacement(BASELINES[method]()(request).point, integrate_truth(request.asked, 0.3))
-        # Differences give the velocity half an interval ago: with a bend of 0.2 m/s^2 that is 4 cm/s.
-        assert error.max() < (0.13 if bend else 1e-6)
-
-
-def test_zero_residual_is_kalman_constant_velocity():
-    request = walled_request()
-    windows = request.asked
-    walked = np.cumsum(np.repeat(windows.velocity[:, None] * 0.3, 10, axis=1), axis=1)
-    still = Predictions.single(walked, 0.3, frame="agent").in_world(windows.position, windows.heading_rad)
-    np.testing.assert_allclose(still.point, BASELINES["kalman_cv"]()(request).point, atol=1e-5)
 
 
 def test_several_modes_and_a_new_metric_go_through_the_same_code(monkeypatch):
@@ -177,7 +116,7 @@ def test_forecasts_of_something_else_are_refused(answer):
         measure(windows, {"theirs": lambda _: answer(right)}, SETTINGS)
 
 
-@pytest.mark.parametrize("shape", [(3, 2), (2,), ()])
+@pytest.mark.parametrize("shape", [(3, 2), (2,)])
 def test_a_metric_without_a_value_per_window_is_refused(shape):
     metric = Metric("odd", "m", "lower", lambda predictions, truth, scene: np.zeros(shape))
     truth = np.zeros((3, 2, 2))
@@ -194,13 +133,69 @@ def test_figures_that_are_no_number_are_null():
         json.dumps(found, allow_nan=False)
 
 
-def test_unknown_baselines_and_settings_are_named():
+def test_baselines_name_what_they_do_not_know():
+    for name, given in (("crystal_ball", {}), ("cv", {"speed": 1.0})):
+        with pytest.raises(ValueRuleError):
+            baseline(name, given)
     with pytest.raises(ValueRuleError):
-        baseline("crystal_ball", {})
-    with pytest.raises(ValueRuleError):
-        baseline("cv", {"speed": 1.0})
+        BASELINES["social_force"]()(walled_request())  # without a model of walking
 
 
-def test_a_method_that_needs_a_model_of_walking_says_so():
-    with pytest.raises(ValueRuleError):
-        BASELINES["social_force"]()(walled_request())
+# Figures are what they promise
+
+
+def test_regions_hold_their_share_of_what_is_drawn():
+    rng, weight, rows = np.random.default_rng(0), np.array([0.6, 0.3, 0.1]), 6000
+    path, root = rng.normal(size=(rows, 3, 1, 2)), rng.normal(size=(rows, 3, 1, 2, 2))
+    covariance = 0.2 * (root @ np.swapaxes(root, -1, -2) + 0.01 * np.eye(2))
+    forecast = Predictions(path.mean(axis=1), path, np.tile(weight, (rows, 1)), 0.3, covariance)
+    mode = rng.choice(3, rows, p=weight)
+    centre, own = path[np.arange(rows), mode], np.linalg.cholesky(covariance[np.arange(rows), mode])
+    inside = share_inside(forecast, centre + (own @ rng.normal(size=(rows, 1, 2, 1)))[..., 0])
+    for share in REGIONS:
+        assert coverage(inside, share) == pytest.approx(share, abs=0.02)
+
+
+def test_regions_of_the_tracker_hold_in_its_own_model():
+    rng, dt_s, known, ahead = np.random.default_rng(1), 0.4, 6, 5
+    kalman = KalmanSettings(acceleration_noise=0.02, position_noise_m=0.05)
+    walks = model_walks(rng, 0.02, 0.05, np.full((4000, known + ahead), dt_s))
+    tracks = follow(walks.select(walks.time_s < (known + 0.5) * dt_s), "kalman", kalman, 0.2)
+    last = tracks.age == known - 1
+    there = tracks.position[last] + ahead * dt_s * tracks.velocity[last]
+    covariance = kalman_covariance(kalman, dt_s, np.array([ahead * dt_s]))
+    forecast = Predictions.single(there[:, None], dt_s, np.broadcast_to(covariance, (4000, 1, 2, 2)))
+    inside = share_inside(forecast, walks.position[-4000:, None])
+    for share in REGIONS:
+        assert coverage(inside, share) == pytest.approx(share, abs=0.03)
+
+
+def test_intervals_hold_the_truth_about_95_times_in_100():
+    """Tracks of 1 to 8 windows that share most of their error; the true mean is 1. Standard error: 1.1 %."""
+    rng, repetitions, held = np.random.default_rng(0), 400, 0
+    for _ in range(repetitions):
+        track = np.repeat(np.arange(80), rng.integers(1, 9, 80))
+        error_m = rng.gamma(4.0, 0.25, 80)[track] + rng.normal(0.0, 0.1, len(track))
+        low, high = TrackBootstrap.draw(track, 300, rng).interval(error_m)
+        held += low <= 1.0 <= high
+    assert 0.91 <= held / repetitions <= 0.98
+
+
+@pytest.mark.parametrize("place", ["eth", "hotel"])
+def test_reported_constant_velocity_is_that_of_a_few_lines(ewap_folder, place):
+    """From the raw annotations: frame, id, x, z, y, ...; frames count at 15 (eth) and 25 (hotel) a second."""
+    rows = np.loadtxt(ewap_folder / f"seq_{place}" / "obsmat.txt")
+    ahead_s, errors, tracks = 0.3 * np.arange(1, 11), [], set()
+    for track in np.unique(rows[:, 1]):
+        own = rows[rows[:, 1] == track]
+        time_s, path = own[:, 0] / {"eth": 15, "hotel": 25}[place], own[:, [2, 4]]
+        for k in range(3, len(own)):
+            if time_s[k] + 3.0 <= time_s[-1] + 1e-6:
+                pace = (path[k] - path[k - 1]) / (time_s[k] - time_s[k - 1])
+                truth = CubicSpline(time_s, path)(time_s[k] + ahead_s)
+                errors.append(np.hypot(*(path[k] + np.outer(ahead_s, pace) - truth).T))
+                tracks.add(track)
+    reported = json.loads((ROOT / "reports/metrics/real.json").read_text())[place]["cv"]
+    assert (reported["windows"], reported["tracks"]) == (len(errors), len(tracks))
+    assert reported["ade_m"] == pytest.approx(np.mean(errors), abs=2e-4)
+    assert reported["fde_m"] == pytest.approx(np.mean(errors, axis=0)[-1], abs=2e-4)

@@ -7,18 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from pedpred.command.prediction import predictor_for
 from pedpred.evaluation import EvaluationSettings
-from pedpred.evaluation.windows import find_windows
-from pedpred.features import ForecastProtocol
-from pedpred.features.perception import Perception
-from pedpred.features.surroundings import present_rows
 from pedpred.online.assessment import assess
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from tests.exported import TRACKER
 from tests.worlds import walled_scene
 
 SETTINGS = EvaluationSettings(bootstrap=10)
@@ -89,33 +82,3 @@ def test_each_detection_takes_little_memory(mixture):
         peaks[rows] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     assert (peaks[8_000] - peaks[4_000]) / 4_000 < 2_000
-
-
-@given(st.integers(1, 50), st.integers(0, 99), st.floats(0.05, 3.0))
-def test_who_is_present_does_not_depend_on_the_size_of_blocks(most, seed, max_age_s):
-    rng = np.random.default_rng(seed)
-    track_id, time_s = np.sort(rng.integers(0, 4, 30)), np.zeros(30)
-    for track in range(4):
-        time_s[track_id == track] = np.sort(rng.uniform(0, 5, (track_id == track).sum()))
-    now_s = np.unique(rng.uniform(-1, 6, 20))
-    whole = present_rows(track_id, time_s, now_s, max_age_s)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pedpred.features.surroundings._MOST_CANDIDATES", most)
-        parts = present_rows(track_id, time_s, now_s, max_age_s)
-    for one, other in zip(whole, parts, strict=True):
-        assert one.dtype == other.dtype
-        np.testing.assert_array_equal(one, other)
-    nobody = present_rows(track_id, time_s, np.zeros(0), max_age_s)
-    assert [len(values) for values in nobody] == [0, 0]
-
-
-def test_without_memory_only_its_steps_are_left_out(crowd):
-    how = Perception(TRACKER, 0.2)
-    full, lean = (
-        find_windows(crowd, how, ForecastProtocol(), memory=memory).request for memory in (True, False)
-    )
-    np.testing.assert_array_equal(full.rows, lean.rows)
-    for name, values in lean.table.columns.items():
-        np.testing.assert_array_equal(values, full.table.columns[name])
-    assert lean.clock is None
-    assert len(full.clock)

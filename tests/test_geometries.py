@@ -8,13 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.command import main
-from pedpred.errors import InputError, ValueRuleError
+from pedpred.errors import InputError
 from pedpred.reading.geometry import Geometry, occupancy_of, read_walls
 from pedpred.reading.geometry.raster import cut_doors
+from tests.refused import refused
 
 CELL_M = 0.1
 ROOM = [[0, 0], [10, 0], [10, 4], [0, 4], [0, 0]]
 DOOR = [[10, 1.5], [10, 2.5]]
+WALLS = [[[0, 0], [10, 0]], [[0, 4], [10, 4]], [[0, 0], [0, 4]], [[10, 0], [10, 1.5]], [[10, 2.5], [10, 4]]]
+SQUARE = [[4, 1], [5, 1], [5, 2], [4, 2], [4, 1]]
+HALL = "POLYGON ((0 0, 10 0, 10 4, 0 4, 0 0), (4 1, 5 1, 5 2, 4 2, 4 1))"
 
 
 def drawn(polygons, element="polygon"):
@@ -45,29 +49,26 @@ def along(polygons, step=0.02):
     )
 
 
-WALLS = [[[0, 0], [10, 0]], [[0, 4], [10, 4]], [[0, 0], [0, 4]], [[10, 0], [10, 1.5]], [[10, 2.5], [10, 4]]]
-
-
 def assert_room_with_a_door(occupancy):
     assert occupancy.is_occupied(along(WALLS) + 1e-6).all()
     assert occupancy.is_occupied(along(WALLS) - 1e-6).all()
     x, y = np.meshgrid(np.linspace(0.2, 9.8, 50), np.linspace(0.2, 3.8, 20))
     assert not occupancy.is_occupied(np.stack([x, y], axis=-1)).any()
-    assert not occupancy.is_occupied(along([[[9, 2], [10.9, 2]]])).any()
-    assert not occupancy.is_occupied(along([[[10, 1.7], [10, 2.3]]])).any()
+    assert not occupancy.is_occupied(along([[[9, 2], [10.9, 2]], [[10, 1.7], [10, 2.3]]])).any()
     assert (occupancy.extent_m > [11.9, 5.9]).all()
+
+
+# Lines and doors
 
 
 @pytest.mark.parametrize(
     "text",
     [
         xml([WALLS]),
-        xml([[ROOM[3:], WALLS[0], [[10, 0], [10, 1.5]], [[0, 0], [0, 4]], [[10, 2.5], [10, 4], [0, 4]]]]),
         xml([[[DOOR[1], *ROOM[2:4], [0, 0], [10, 0], DOOR[0]]]], transitions=[DOOR]),
         xml([[ROOM]], transitions=[DOOR]),
         xml([[ROOM]], crossings=[DOOR[::-1]]),
         xml([[WALLS[0]], WALLS[1:]]),
-        xml([WALLS], transitions=[DOOR]),
         "GEOMETRYCOLLECTION (LINESTRING (10 2.5, 10 4, 0 4, 0 0), MULTILINESTRING ((0 0, 10 0, 10 1.5)))",
         "LINESTRING (10 2.5, 10 4, 0 4, 0 0)\nLINESTRING (0 0, 10 0, 10 1.5)\n",
     ],
@@ -80,9 +81,8 @@ def test_an_open_end_opens_a_line(tmp_path):
     closed = xml([[ROOM[:3], ROOM[2:]]])
     assert_room_with_a_door(map_of(tmp_path, closed, [DOOR]))
     for away in ([[5, 1], [5, 2]], [[9, 2], [11, 2]], [[10, 1], [10, 1]]):
-        with pytest.raises(ValueRuleError) as error:
+        with refused("open_ends"):
             map_of(tmp_path, closed, [away])
-        assert error.value.field == "open_ends"
 
 
 def test_two_rooms_share_a_wall_that_a_crossing_opens(tmp_path):
@@ -90,9 +90,6 @@ def test_two_rooms_share_a_wall_that_a_crossing_opens(tmp_path):
     occupancy = map_of(tmp_path, xml([[ROOM], [other]], crossings=[DOOR]))
     assert_room_with_a_door(occupancy)
     assert occupancy.is_occupied(along([other[:3], other[2:4]])).all()
-
-
-SQUARE = [[4, 1], [5, 1], [5, 2], [4, 2], [4, 1]]
 
 
 @given(st.permutations(range(4)), st.lists(st.booleans(), min_size=4, max_size=4))
@@ -107,10 +104,9 @@ def test_an_obstacle_drawn_by_its_edges_is_filled(tmp_path_factory, order, turne
 
 
 def test_an_obstacle_that_encloses_nothing_is_a_wall(tmp_path):
-    occupancy = map_of(
-        tmp_path, xml([[ROOM]], obstacles=[[[[3, 1], [3, 3]]], [[[5, 1], [6, 2]], [[7, 1], [7, 2]]]])
-    )
-    assert occupancy.is_occupied(along([[[3, 1], [3, 3]], [[5, 1], [6, 2]], [[7, 1], [7, 2]]])).all()
+    walls = [[[3, 1], [3, 3]], [[5, 1], [6, 2]], [[7, 1], [7, 2]]]
+    occupancy = map_of(tmp_path, xml([[ROOM]], obstacles=[walls[:1], walls[1:]]))
+    assert occupancy.is_occupied(along(walls)).all()
     assert not occupancy.is_occupied(along([[[4, 0.2], [4, 3.8]]])).any()
 
 
@@ -132,7 +128,7 @@ def test_a_line_blocks_the_cells_that_it_touches_and_no_others(lines, resolution
 
 
 @given(st.floats(0, 6.3), st.tuples(st.floats(0.1, 4.4), st.floats(0.1, 4.4)), st.booleans())
-def test_a_door_takes_its_length_from_the_wall_at_any_angle(turn_rad, ends, turned):
+def test_a_door_takes_its_length_from_a_wall_at_any_angle(turn_rad, ends, turned):
     direction = np.array([np.cos(turn_rad), np.sin(turn_rad)])
     door = direction * np.array(ends)[:, None]
     wall = np.array([[0 * direction, 4 * direction]])
@@ -142,7 +138,7 @@ def test_a_door_takes_its_length_from_the_wall_at_any_angle(turn_rad, ends, turn
     assert length == pytest.approx(4 - (high - low), abs=1e-6)
 
 
-HALL = "POLYGON ((0 0, 10 0, 10 4, 0 4, 0 0), (4 1, 5 1, 5 2, 4 2, 4 1))"
+# Ground
 
 
 def test_ground_with_a_hole_has_its_area(tmp_path):
@@ -158,14 +154,9 @@ def test_ground_with_a_hole_has_its_area(tmp_path):
         HALL.lower(),
         f"\ufeff{HALL};\r\n",
         "POLYGON Z ((0 0 7, 10 0 7, 10 4 7, 0 4 7, 0 0 7), (4 1 7, 5 1 7, 5 2 7, 4 2 7, 4 1 7))",
-        f"SRID=25832;{HALL}",
-        f"# drawn by hand\n{HALL}\n",
-        f'"{HALL}"',
         HALL.replace("5 2, 4 2, 4 1)", "5 1.7, 4 1.7, 4 1), (4 1.3, 5 1.3, 5 2, 4 2, 4 1.3)"),
-        HALL.replace("2, 4 1))", "2, 4 1), (12 1, 13 1, 13 2, 12 2, 12 1))"),
-        f"GEOMETRYCOLLECTION ({HALL})",
-        f"MULTIPOLYGON ({HALL.removeprefix('POLYGON ')})",
         f"GEOMETRYCOLLECTION (POLYGON EMPTY, GEOMETRYCOLLECTION ({HALL}))",
+        f"MULTIPOLYGON ({HALL.removeprefix('POLYGON ')})",
         "POLYGON ((0 0, 6 0, 6 0.9, 3 0.9, 3 4, 0 4, 0 0))\n"
         "POLYGON ((6 0, 10 0, 10 4, 3 4, 3 2, 5 2, 5 1, 4 1, 4 2, 3 2, 3 0.9, 6 0.9, 6 0))",
         xml([[ROOM]], obstacles=[[SQUARE]]),
@@ -175,19 +166,10 @@ def test_the_same_ground_is_written_in_many_ways(text, tmp_path):
     np.testing.assert_array_equal(map_of(tmp_path, text).occupied, map_of(tmp_path, HALL).occupied)
 
 
-def test_text_may_be_utf_16_and_an_outline_may_cross_itself(tmp_path):
-    text = "POLYGON ((0 0, 4 4, 4 0, 0 4, 0 0))"
-    (tmp_path / "hall.wkt").write_bytes(text.encode("utf-16"))
-    occupancy = occupancy_of(read_walls(tmp_path / "hall.wkt"), CELL_M, 1.0)
-    assert not occupancy.is_occupied(np.array([[0.5, 2.0], [3.5, 2.0]])).any()
-    assert occupancy.is_occupied(np.array([[2.0, 0.5], [2.0, 3.5]])).all()
-
-
 def test_ground_may_stand_in_a_hole_and_walls_on_ground(tmp_path):
     ring = "POLYGON ((0 0, 9 0, 9 9, 0 9, 0 0), (2 2, 7 2, 7 7, 2 7, 2 2))"
     island = "POLYGON ((4 4, 5 4, 5 5, 4 5, 4 4))"
-    text = f"GEOMETRYCOLLECTION ({island}, {ring}, LINESTRING (1 1, 1 8))"
-    occupancy = map_of(tmp_path, text)
+    occupancy = map_of(tmp_path, f"GEOMETRYCOLLECTION ({island}, {ring}, LINESTRING (1 1, 1 8))")
     assert not occupancy.is_occupied(np.array([[4.5, 4.5], [0.5, 0.5], [8, 8]])).any()
     assert occupancy.is_occupied(np.array([[3, 3], [1.02, 4], [0.98, 4], [-0.5, -0.5]])).all()
 
@@ -195,26 +177,19 @@ def test_ground_may_stand_in_a_hole_and_walls_on_ground(tmp_path):
 @pytest.mark.parametrize(
     "text",
     [
-        "",
         "POLYGON EMPTY",
-        "POINT (1 1)",
         f"GEOMETRYCOLLECTION ({HALL}, POINT (1 1))",
         "POLYGON ((0 0, 1 0, 1 1))",
         "POLYGON ((0 0, 1 0, nan 1, 0 0))",
-        "LINESTRING (0 0, 1e400 1)",
         "LINESTRING (0 0, 2e8 1)",
         f"{HALL} and more",
-        f"{HALL})",
-        "hall",
         "GEOMETRYCOLLECTION (" * 100_000 + "POINT (0 0)" + ")" * 100_000,
         "\0",
         "<JuPedSim><geometry>hall.xml</geometry></JuPedSim>",
         xml([[]]),
         xml([[ROOM]]).replace('px="10"', ""),
         xml([[ROOM]]).replace('px="10"', 'px="inf"'),
-        xml([[ROOM]]).replace('px="10"', 'px="-2e8"'),
         xml([[ROOM]]).replace('"m"', '"km"'),
-        xml([[ROOM]], [[[]]]),
         xml([[ROOM]], crossings=[DOOR[:1]]),
         xml([[ROOM]])[:-3],
         f'<!DOCTYPE geometry [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>{xml([[ROOM]])}',
@@ -226,18 +201,14 @@ def test_what_is_no_geometry_is_refused(text, tmp_path):
     assert error.value.path.stem == "hall"
 
 
-def test_a_wall_drawn_far_too_long_is_refused(tmp_path):
-    with pytest.raises(ValueRuleError, match="cells"):
+def test_walls_of_too_many_cells_or_doors_are_refused(tmp_path):
+    with refused("map size"):
         map_of(tmp_path, "LINESTRING (0 0, 1e7 1e7)")
-    zigzag = np.tile([[[0, 0], [90, 90]]], (20_000, 1, 1))
-    with pytest.raises(ValueRuleError, match="cells"):
-        occupancy_of(Geometry(lines=zigzag), CELL_M, 1.0)
-
-
-def test_doors_in_every_wall_end_in_bounded_time():
+    with refused("walls"):
+        occupancy_of(Geometry(lines=np.tile([[[0, 0], [90, 90]]], (20_000, 1, 1))), CELL_M, 1.0)
     row = np.linspace(0, 9, 500)
     walls = np.stack([np.stack([row, 0 * row], axis=-1), np.stack([row, 9 + 0 * row], axis=-1)], axis=1)
-    with pytest.raises(ValueRuleError, match="doors"):
+    with refused("doors"):
         cut_doors(walls, np.tile([[[0, 4], [9, 4]]], (500, 1, 1)))
 
 
@@ -246,7 +217,7 @@ def test_lengths_of_xml_may_have_a_unit(tmp_path):
     assert read_walls(tmp_path / "hall.xml").ground[0].area == pytest.approx(40 * 1e-4)
 
 
-@pytest.mark.parametrize("name", ["hall.wkt", "hall.WKT", "hall.xml"])
+@pytest.mark.parametrize("name", ["hall.WKT", "hall.xml"])
 def test_a_geometry_is_a_map_for_every_command(name, tmp_path, capsys):
     rows = [(0.1 * k, 1, 1 + 0.12 * k, 0.5) for k in range(60)]
     (tmp_path / "walk.csv").write_text("time,id,x,y\n" + "\n".join(",".join(map(str, row)) for row in rows))

@@ -1,4 +1,4 @@
-"""Model folders of strangers: right checksums, and a graph that would not end or fills the memory."""
+"""Model folders of others: right checksums, and a graph that would not end or fills the memory."""
 
 import resource
 import threading
@@ -14,15 +14,9 @@ from pedpred.errors import InputError
 from pedpred.online import OnlinePredictor, graph
 from pedpred.online.network import read_description, write_description
 from tests.conftest import ROOT
-from tests.exported import export
 
 WHOLE = TensorProto.INT64
 FLOAT = TensorProto.FLOAT
-
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory):
-    return export(tmp_path_factory.mktemp("model"))[0]
 
 
 def numbers(name, *values):
@@ -92,12 +86,12 @@ STRANGE = {
 
 def strange(source, target, nodes, weights, functions=()):
     """Write a model folder with right checksums whose graph has further nodes."""
-    network = onnx.load(source / "network.onnx")
+    network = onnx.load(source[0] / "network.onnx")
     network.graph.node.extend(nodes)
     network.graph.initializer.extend(weights)
     network.functions.extend(functions)
     (target / "network.onnx").write_bytes(network.SerializeToString())
-    write_description(target, read_description(source), {})
+    write_description(target, read_description(source[0]), {})
 
 
 @pytest.fixture
@@ -159,8 +153,8 @@ def test_the_default_model_passes():
     graph.check_operators((ROOT / "models/online/default/network.onnx").read_bytes())
 
 
-def test_a_graph_in_use_is_shared_if_its_ends_are_the_same(model):
-    raw, (inputs, outputs) = (model / "network.onnx").read_bytes(), read_description(model).ends()
+def test_graph_in_use_is_shared_if_its_ends_are_the_same(model):
+    raw, (inputs, outputs) = (model[0] / "network.onnx").read_bytes(), read_description(model[0]).ends()
     session = graph.load_graph(raw, inputs, outputs)
     assert graph.load_graph(raw, inputs, outputs) is session
     with pytest.raises(ValueError, match="expected"):
@@ -169,7 +163,7 @@ def test_a_graph_in_use_is_shared_if_its_ends_are_the_same(model):
 
 def test_operators_are_counted_as_onnx_reads_them(model):
     """The reader of bytes sees the operators that the library sees."""
-    raw = (model / "network.onnx").read_bytes()
+    raw = (model[0] / "network.onnx").read_bytes()
     nodes = [part for number, part in graph._fields(raw) if number == graph._GRAPH]
     assert len(nodes) == 1
     found = [part for number, part in graph._fields(nodes[0]) if number == graph._NODE]
@@ -177,7 +171,7 @@ def test_operators_are_counted_as_onnx_reads_them(model):
 
 
 def test_damaged_bytes_are_read_or_a_value_error(model):
-    raw = (model / "network.onnx").read_bytes()[:3000]
+    raw = (model[0] / "network.onnx").read_bytes()[:3000]
     rng = np.random.default_rng(0)
     for _ in range(300):
         at, value = rng.integers(len(raw)), rng.integers(256)

@@ -89,7 +89,7 @@ def drain(follower, now_s):
             continue
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(st.lists(st.tuples(SENT, st.booleans()), max_size=25))
 def test_after_whatever_messages_a_sound_stream_is_forecast(sent):
     """From its first frame on, with all people; every error on the way is one of the package."""
@@ -124,7 +124,7 @@ CALLS = st.tuples(
 )
 
 
-@settings(max_examples=30)
+@settings(max_examples=12)
 @given(st.lists(CALLS, max_size=12), SEEDS)
 def test_what_a_predictor_refuses_has_never_been(calls, seed):
     """It refuses with an error about an argument, or forecasts; the others are forecast as without it."""

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from pedpred.errors import ValueRuleError
 from pedpred.ros import assignment
 from pedpred.ros.assignment import NearestTracks
 from pedpred.ros.identities import Identities, TrackNumbers, are_identities
+from tests.refused import refused
 
 
 def numbers_of(identities, messages):
@@ -67,47 +67,31 @@ NO_IDENTITIES = {
 
 @pytest.mark.parametrize("kind", NO_IDENTITIES)
 def test_people_without_identities_are_assigned_in_a_recording(kind):
+    """Live from the tenth message on: before, ids that are new could be those of new people."""
     messages, orders = crossing(name=NO_IDENTITIES[kind])
     expected = [[{0: 2, 1: 1}[person] for person in order] for order in orders]
-    assert recorded(messages) == expected
-    assert (
-        numbers_of(Identities("assigned"), messages)
-        == numbers_of(Identities(has_ids=False), messages)
-        == expected
-    )
-
-
-@pytest.mark.parametrize("kind", NO_IDENTITIES)
-def test_people_without_identities_are_assigned_live(kind):
-    """From the tenth message on: before, ids that are new could be those of new people."""
-    messages, orders = crossing(name=NO_IDENTITIES[kind])
-    numbers = numbers_of(Identities(), messages)[9:]
+    assert recorded(messages) == numbers_of(Identities("assigned"), messages) == expected
+    assert numbers_of(Identities(has_ids=False), messages) == expected
+    live = numbers_of(Identities(), messages)[9:]
     for person in (0, 1):
-        assert len({row[order.index(person)] for row, order in zip(numbers, orders[9:], strict=True)}) == 1
+        assert len({row[order.index(person)] for row, order in zip(live, orders[9:], strict=True)}) == 1
 
 
-@pytest.mark.parametrize("ids", [["1", ""], ["1", "1"], ["nan", "2"]])
-def test_given_ids_must_be_there_and_differ(ids):
-    with pytest.raises(ValueRuleError) as error:
-        Identities("given").number(0.0, ids, np.zeros((2, 2)))
-    assert error.value.field == "id"
-
-
-def test_an_unknown_mode_is_refused():
-    with pytest.raises(ValueRuleError) as error:
+def test_given_ids_must_be_there_and_differ():
+    for ids in (["1", ""], ["1", "1"], ["nan", "2"]):
+        with refused("id"):
+            Identities("given").number(0.0, ids, np.zeros((2, 2)))
+    with refused("identities"):
         Identities("sometimes")
-    assert error.value.field == "identities"
 
 
 @pytest.mark.parametrize("is_live", [True, False])
 def test_people_without_an_id_among_others_are_assigned(is_live):
     messages = [(["5", "", ""], [(0.1 * k, 0.0), (8.0, 0.1 * k), (-8.0, 0.1 * k)]) for k in range(20)]
     identities = Identities(recording=None if is_live else [ids for ids, _ in messages])
-    numbers = numbers_of(identities, messages)
-    assert numbers == [[5, -1, -2]] * 20
+    assert numbers_of(identities, messages) == [[5, -1, -2]] * 20
     assert identities.names == {-1: "#1", -2: "#2"}
-    assert identities.name(5) == "5"
-    assert identities.unnamed == 40
+    assert (identities.name(5), identities.unnamed) == ("5", 40)
 
 
 def test_ids_count_again_once_people_have_some():
@@ -134,12 +118,11 @@ def test_names_that_are_not_used_any_more_are_forgotten():
     assert identities.names == {-3: "anna2"}
 
 
-@pytest.mark.parametrize(
-    ("messages", "expected"),
-    [([], True), ([["1"], ["2"]], True), ([[""], [], []], False), ([["1", "2"]] * 9 + [[""]], True)],
-)
-def test_few_messages_do_not_show_that_ids_change(messages, expected):
-    assert are_identities(messages) == expected
+def test_few_messages_do_not_show_that_ids_change():
+    assert are_identities([])
+    assert are_identities([["1"], ["2"]])
+    assert are_identities([["1", "2"]] * 9 + [[""]])
+    assert not are_identities([[""], [], []])
 
 
 # By position
@@ -155,21 +138,15 @@ def test_the_nearest_are_those_of_the_whole_assignment(seed, count, side_m):
     tracks.assign(0.0, before)
     found = tracks.assign(0.1, after)
     apart, gate = cdist(before, after), assignment._GATE_M + 0.1 * assignment._GATE_MPS
-    costs = np.where(apart <= gate, apart, 2 * assignment._LARGEST_GATE_M)
-    row, column = linear_sum_assignment(costs)
-    paired = apart[row, column] <= gate
-    expected = np.zeros(count, int)
-    expected[column[paired]] = row[paired] + 1
-    assert (found[expected == 0] > count).all()
+    far = 2 * assignment._LARGEST_GATE_M
+    costs = np.where(apart <= gate, apart, far)
     kept = found <= count
-    total = (
-        costs[found[kept] - 1, np.flatnonzero(kept)].sum() + (~kept).sum() * 2 * assignment._LARGEST_GATE_M
-    )
-    assert total == pytest.approx(costs[row, column].sum())
+    total = costs[found[kept] - 1, np.flatnonzero(kept)].sum() + (~kept).sum() * far
+    assert total == pytest.approx(costs[linear_sum_assignment(costs)].sum())
 
 
 def test_detections_that_are_noise_do_not_fill_the_memory():
     rng, tracks = np.random.default_rng(0), NearestTracks()
-    for k in range(30):
+    for k in range(15):
         tracks.assign(k / 1000, rng.uniform(-1e4, 1e4, (300, 2)))
         assert len(tracks._tracks) <= assignment._MOST_TRACKS + 300

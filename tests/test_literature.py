@@ -77,13 +77,6 @@ def test_on_a_straight_walk_everybody_is_right():
         np.testing.assert_allclose(paths(found, method), found.truth, atol=tolerance_m)
 
 
-def test_forecasts_see_the_window_alone():
-    path = np.random.default_rng(3).normal(0, 0.4, (40, 2)).cumsum(axis=0)
-    whole, part = windows_of(walk(path), 8, 12), windows_of(walk(path[11:31]), 8, 12)
-    for method in PRESENT_MOTION:
-        np.testing.assert_allclose(paths(whole, method)[11], paths(part, method)[0], atol=1e-9)
-
-
 def last_step_errors(track_id, position):
     """Errors of constant velocity in all windows, m; rows rise in time, tracks have no holes. [W, 12]."""
     errors = []

@@ -5,23 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.command import field_protocol
-from pedpred.errors import ConfigError
-from pedpred.evaluation import MetricSettings, measure
-from pedpred.evaluation.measure import BEST_ADE
 from pedpred.evaluation.observed import find_observed_windows, training_rows
 from pedpred.evaluation.scores import Resampling, Scores, mean_scores, write_scores
 from pedpred.features.perception import Perception
-from pedpred.forecasting.tensors import predictions_of
 from pedpred.metrics.covering import covering_paths
-from pedpred.models.lstm.autoencoder import GridAutoencoder
-from pedpred.models.lstm.encoding import encode
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.report.literature import SCENES, literature_section, read_published
 from pedpred.report.methods import Methods
@@ -29,12 +22,12 @@ from pedpred.report.results import results_frame
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
-from pedpred.training.sets import RealShare
-from stages.eth_ucy import comparison_of
+from stages.config import PARTS
 from stages.eth_ucy_gather import figures_of
+from stages.perception import windows_of
 from tests.configuration import read
 from tests.conftest import ROOT, raw_folder
-from tests.exported import LSTM_ROWS, NETWORK, WIDTHS, forecaster_of
+from tests.refused import refused
 from tests.worlds import empty_map
 
 BANK = KalmanBank.around(
@@ -43,8 +36,8 @@ BANK = KalmanBank.around(
 FEATURES = MixtureFeatures()
 ASIDE = np.array([3.0, -2.0])
 PARAMS = read("params.yaml")
-COMPARISON = comparison_of(PARAMS)
-PROTOCOL = COMPARISON.protocol
+STUDY = PARAMS["literature"]
+PROTOCOL = windows_of(STUDY)
 
 
 def crowd(seed=0, people=6, ticks=40):
@@ -92,7 +85,7 @@ def test_a_window_knows_the_last_8_annotations_and_nothing_else(seed):
 
 @settings(max_examples=10)
 @given(seed=st.integers(0, 1000), begun_s=st.floats(0, 1e5), slow=st.floats(-9e-4, 9e-4))
-def test_windows_do_not_depend_on_when_the_clock_began_nor_on_small_errors_of_its_rate(seed, begun_s, slow):
+def test_windows_do_not_depend_on_when_the_clock_began(seed, begun_s, slow):
     whole = crowd(seed)
     usual = read_inputs(found(whole))
     later = read_inputs(found(replace(whole, time_s=begun_s + (1 + slow) * whole.time_s)))
@@ -102,62 +95,16 @@ def test_windows_do_not_depend_on_when_the_clock_began_nor_on_small_errors_of_it
             np.testing.assert_allclose(other[name], values, atol=1e-5, err_msg=name)
 
 
-def test_a_memory_begins_with_the_window_and_reads_all_8_annotations():
-    torch.manual_seed(0)
-    network, encoder = NETWORK.build(WIDTHS, 12).eval(), GridAutoencoder(60, 64).encoder
-    for weights in network.parameters():
-        torch.nn.init.normal_(weights, std=0.3)
-    windows = found(crowd(2, people=8), memory=True)
-    request, features = windows.request, LSTM_ROWS.features
-    asked, clock = request.asked, request.steps
-    forecasts = forecaster_of(network, encoder)(request)
-    for w, track in enumerate(asked.track_id):
-        steps = clock.select(np.flatnonzero(clock.track_id == track))
-        np.testing.assert_array_equal(steps.step, np.arange(8))
-        np.testing.assert_allclose(request.past.detection[steps.row[0]], seen_path(windows, w)[0])
-        seen = request.inputs(features, request.past.last_row(steps.track_id, steps.time_s), steps.time_s)
-        assert not seen["occupancy"].any()  # no map
-        channels = features.channels(seen) | {"grid": encode(encoder, seen["occupancy"])}
-        with torch.inference_mode():
-            inputs = {name: torch.from_numpy(values)[None] for name, values in channels.items()}
-            outputs, _ = network(inputs, network.start(1))
-            answer = network.decode({name: values[:, -1] for name, values in outputs.items()}, 0.4)
-        again = predictions_of({name: values.numpy() for name, values in answer.items()}, 0.4)
-        point = again.in_world(asked.position[w : w + 1], asked.heading_rad[w : w + 1]).point[0]
-        np.testing.assert_allclose(forecasts.point[w], point, atol=1e-4)
-
-
-def seen_path(windows, w):
-    """The annotations of a window that are seen."""
-    seen = windows.request.scene.trajectories
-    rows = np.flatnonzero(seen.track_id == windows.request.asked.track_id[w])
-    return seen.position[rows[np.argsort(seen.time_s[rows])]]
-
-
-def test_people_beside_are_seen():
-    whole = crowd(3, people=8)
-    usual, seen = read_inputs(found(whole)), 0
-    for key, inputs in usual.items():
-        alone = read_inputs(found(whole.select(whole.track_id == key[0])))[key]
-        np.testing.assert_array_equal(alone["history"], inputs["history"])
-        assert not alone["neighbours"].any()
-        seen += inputs["neighbours"].any()
-    assert seen > len(usual) / 2
-
-
 @pytest.mark.parametrize(
     ("scene", "windows", "ade_m", "fde_m"),
     [
         ("eth", 364, 1.075, 2.282),
         ("hotel", 1197, 0.319, 0.614),
-        ("univ", 24334, 0.524, 1.165),
-        ("zara1", 2356, 0.427, 0.952),
-        ("zara2", 5910, 0.324, 0.724),
     ],
 )
-def test_constant_velocity_has_the_errors_of_the_field_and_of_a_few_lines(scene, windows, ade_m, fde_m):
+def test_constant_velocity_has_the_errors_of_the_field(scene, windows, ade_m, fde_m):
     folder, errors, ours = raw_folder("eth_ucy"), [], []
-    for name in COMPARISON.scenes[scene]:
+    for name in STUDY["scenes"][scene]:
         frame, track, *position = np.loadtxt(folder / f"{name}.txt").T
         position = np.stack(position, axis=-1)
         for one in np.unique(track):
@@ -168,7 +115,7 @@ def test_constant_velocity_has_the_errors_of_the_field_and_of_a_few_lines(scene,
                     path = position[rows[k : k + 20]]
                     going = path[7] + np.outer(np.arange(1, 13), path[7] - path[6])
                     errors.append(np.hypot(*(going - path[8:]).T))
-        recording = read_text(folder, name, {**COMPARISON.reader, "recording": name})
+        recording = read_text(folder, name, STUDY["places"][name]["settings"])
         own = find_observed_windows(recording, Perception(BANK, 0.2), PROTOCOL, memory=False)
         ours.append(np.linalg.norm(PRESENT_MOTION["cv"]()(own.request).point - own.truth, axis=-1))
     ours, errors = np.concatenate(ours), np.array(errors)
@@ -186,7 +133,7 @@ def fan(rows=3, modes=4, steps=5, seed=0):
     return Predictions((weight[..., None, None] * path).sum(1), path, weight, 0.4, covariance)
 
 
-def test_covering_paths_move_with_the_forecast_and_leave_less_uncovered_than_draws():
+def test_covering_paths_leave_less_uncovered_than_draws():
     forecast = fan(rows=20)
     paths, draws = covering_paths(forecast), forecast.sample(20, np.random.default_rng(1))
     moved = replace(forecast, path=forecast.path + ASIDE, point=forecast.point + ASIDE)
@@ -201,42 +148,6 @@ def test_covering_paths_move_with_the_forecast_and_leave_less_uncovered_than_dra
     assert uncovered(paths) < 0.9 * uncovered(draws)
 
 
-def test_paths_of_a_sure_forecast_are_its_modes():
-    forecast = fan(rows=2, modes=2)
-    sure = replace(forecast, covariance=1e-18 * np.tile(np.eye(2), (2, 2, 5, 1, 1)))
-    away = np.linalg.norm(covering_paths(sure)[:, :, None] - sure.path[:, None], axis=-1).max(axis=-1)
-    assert (away.min(axis=2) < 1e-6).all()
-    assert (away.min(axis=1) < 1e-6).all()
-
-
-def test_what_is_measured():
-    windows = found(crowd(1, people=12))
-
-    def fanned(request):
-        own = fan(len(request.rows), 3, 12)
-        return replace(own, path=own.path + request.asked.position[:, None, None], point=own.point)
-
-    def measured(forecaster):
-        return measure(windows, {"m": forecaster}, MetricSettings(), samples=20)["m"]
-
-    scores = measured(fanned)
-    assert (scores.values[BEST_ADE] <= scores.values["most_likely_ade_m"] + 0.2).all()
-    single = measured(PRESENT_MOTION["cv"]())
-    assert np.isnan(single.values[BEST_ADE]).all()
-
-    def one_mode(request):
-        own = fanned(request)
-        path, covariance = own.path[:, :1], own.covariance[:, :1]
-        return replace(
-            own, point=path[:, 0], path=path, weight=np.ones((len(path), 1)), covariance=covariance
-        )
-
-    spread = measured(one_mode)
-    assert (spread.values[BEST_ADE] < spread.values["ade_m"]).mean() > 0.9
-    both = mean_scores([scores, replace(scores, values={k: v + 1 for k, v in scores.values.items()})])
-    np.testing.assert_allclose(both.values["ade_m"], scores.values["ade_m"] + 0.5)
-
-
 def test_coverage_is_that_of_all_seeds(tmp_path, monkeypatch):
     """One network's regions hold every truth, the other's none: half, though the mean share is above 0.5."""
     monkeypatch.chdir(tmp_path)
@@ -247,36 +158,28 @@ def test_coverage_is_that_of_all_seeds(tmp_path, monkeypatch):
     ]
     named = {STRONGEST: seeds[0], "lstm": mean_scores(seeds), "lstm_0": seeds[0], "lstm_1": seeds[1]}
     for name, each in named.items():
-        write_scores(each, Path("data/eth_ucy/scores/a/a", name, "one.parquet"))
-    study = {"seeds": [0, 1], "folds": {"a": {"test": ["a"]}}, "scenes": {"a": ["one"]}}
-    study |= {"networks": ["lstm"]}
-    figures = figures_of(OmegaConf.create({"literature": study}), "a", Resampling(bootstrap=10))["a"]["lstm"]
+        write_scores(each, Path("scores", name, "one.parquet"))
+    study = OmegaConf.create({"seeds": [0, 1], "scenes": {"a": ["one"]}, "networks": ["lstm"]})
+    figures = figures_of(study, Path("scores"), "a", Resampling(bootstrap=10))["lstm"]
     assert [figures[f"per_step_coverage_{share}"] for share in (50, 90, 95)] == [[0.5, 0.5]] * 3
 
 
 def test_the_command_measures_the_windows_of_the_pipeline():
-    assert (COMPARISON.protocol, COMPARISON.samples) == (field_protocol.WINDOWS, field_protocol.SAMPLES)
-
-
-def test_shares_follow_the_root_of_the_sizes():
-    shares = RealShare(real_share=0.6, size_exponent=0.5).mix(
-        {"room": 3.0, "square": 1.0}, {"eth": 100, "univ": 10000}
-    )
-    assert shares == pytest.approx({"room": 0.3, "square": 0.1, "eth": 0.6 / 11, "univ": 6 / 11})
-    assert PROTOCOL.protocol.horizon_steps == 12
+    assert (PROTOCOL, STUDY["samples"]) == (field_protocol.WINDOWS, field_protocol.SAMPLES)
 
 
 def test_no_fold_trains_on_what_it_tests():
-    published = [fold.test for name, fold in COMPARISON.folds.items() if name in COMPARISON.scenes]
-    assert published == [(scene,) for scene in SCENES]
-    given = dict(PARAMS["literature"])
-    for change in ({"train": ["biwi_eth"]}, {"train": ["biwi"]}, {"test": ["zara9"]}):
-        own = {**given, "folds": {"eth": {"test": ["eth"], "train": ["biwi_hotel"], **change}}}
-        with pytest.raises(ConfigError, match=r"literature\.folds\.eth\.(train|test)"):
-            comparison_of({"literature": own})
+    folds = STUDY["folds"]["eth_ucy"]
+    assert [name for name in folds if name in STUDY["scenes"]] == list(SCENES)
+    for scene in SCENES:
+        assert folds[scene]["test"] == [f"real/{name}" for name in STUDY["scenes"][scene]]
+    for change in ({"train": ["real/biwi_eth"]}, {"train": ["real/biwi"]}, {"test": ["real/zara9"]}):
+        own = {"eth_ucy": {"eth": {"test": ["real/biwi_eth"], "train": ["real/biwi_hotel"], **change}}}
+        with refused(f"literature.folds.eth_ucy.eth.{next(iter(change))}"):
+            PARTS["literature"](PARAMS | {"literature": STUDY | {"folds": own}})
 
 
-def test_the_tables_name_stricter_folds_and_average_whole_rows_alone():
+def test_tables_name_stricter_folds_and_average_whole_rows():
     methods = Methods.read(ROOT, PARAMS["comparison"]["reference"])
     own = {"ade_m": 0.4, "fde_m": 0.8, "best_ade_m": 0.2, "best_fde_m": 0.3}
     figures = {scene: {"cv": {"ade_m": 0.5, "fde_m": 1.0}, "mixture": own} for scene in SCENES}

@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 import tracemalloc
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pedpred.datasets.crops import CropSplit, crops_of
 from pedpred.datasets.rows import load_rows
 from pedpred.datasets.splits import SplitSettings, split_sequences
-from pedpred.errors import NO_ROOM, ValueRuleError
+from pedpred.errors import NO_ROOM
 from pedpred.features import extract_blocks
 from pedpred.rows.files import (
     read_shard,
@@ -162,27 +160,3 @@ def test_variants_of_a_scene_stay_on_one_side_of_a_split(stored, by):
         assert min(len(training), len(validation)) > 0
         assert training | validation == set(owner.values())
     assert set(data.spans.scene) == {0, 1, 2}  # not six
-
-
-def test_crops_and_sequences_hold_the_same_scenes_for_validation(stored):
-    data = load_rows({"a": stored})
-    _, held = split_sequences(
-        data, SplitSettings(validation_by="scene", validation_share=0.3), np.random.default_rng(3)
-    )
-    rows = np.concatenate([np.arange(first, last) for first, last in held])
-    packed = np.concatenate(
-        [block["occupancy"] for name in SHARDS for block in read_shard(stored, name, LSTM_ROWS)]
-    )
-    split = CropSplit(validation_share=0.3, validation_crops=len(packed))
-    training, validation, cells = crops_of(stored, split, np.random.default_rng(3))
-    np.testing.assert_array_equal(sorted_rows(validation), sorted_rows(packed[rows]))
-    np.testing.assert_array_equal(sorted_rows(training), sorted_rows(np.delete(packed, rows, axis=0)))
-    assert cells == LSTM_ROWS.features.grid_cells
-    few = replace(split, validation_crops=10)
-    assert len(crops_of(stored, few, np.random.default_rng(3))[1]) == 10
-    with pytest.raises(ValueRuleError):
-        crops_of(stored, replace(split, validation_share=0.9), np.random.default_rng(3))
-
-
-def sorted_rows(rows):
-    return rows[np.lexsort(rows.T)]

@@ -19,8 +19,8 @@ from pedpred.online.replay import replay_scene
 from pedpred.tracking import KalmanBank
 from pedpred.training import train
 from tests.exported import LSTM_ROWS, TRACKER, train_on, write_model, write_network
-from tests.test_learning import QUICK, toy_data
 from tests.toys.architecture import ToySettings
+from tests.trainings import QUICK, toy_data
 from tests.worlds import walled_scene
 
 MADE_WITH = dataclasses.replace(LSTM_ROWS, protocol=ForecastProtocol(horizon_steps=4))
@@ -51,7 +51,7 @@ def test_a_network_that_cannot_be_traced_is_refused(network, tmp_path, monkeypat
         return known | {"path": torch.stack([first, fixed], dim=-3)}
 
     monkeypatch.setattr(type(network), "decode", decode)
-    with pytest.raises(ValueRuleError, match="other numbers of people"):
+    with pytest.raises(ValueRuleError):
         write_model(tmp_path, network, GridEncoder(60), MADE_WITH)
     assert not (tmp_path / "network.onnx").exists()
 

@@ -2,12 +2,10 @@
 
 import dataclasses
 import io
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
-from matplotlib.figure import Figure
 from PIL import Image
 
 from pedpred.geometry import Homography, rotate
@@ -15,17 +13,16 @@ from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features.grids import occupancy_crops
 from pedpred.report.canvas import avif_bytes, png_bytes
-from pedpred.report.crops import choose_evenly, grid_image
+from pedpred.report.crops import grid_image
 from pedpred.report.gallery import draw_gallery
 from pedpred.report.gather import Evaluated
-from pedpred.report.instants import RULES, Instant, choose, depth_m
-from pedpred.report.plan import contact_sheet, obstacle_image, quarter_turns_of, turn_points
-from pedpred.report.plots import by_stage, horizon_table, training_figure
-from pedpred.report.scene_picture import ellipse_outline, region_outlines, scene_picture
+from pedpred.report.instants import RULES, choose, depth_m
+from pedpred.report.plan import obstacle_image, quarter_turns_of, turn_points
+from pedpred.report.scene_picture import ellipse_outline, region_outlines
 from pedpred.report.walls import RANKS, wall_windows
 from pedpred.scenes import Camera, OccupancyMap, Predictions, Scene, Trajectories
 from tests.forecasts import METHODS, windows_with
-from tests.reports import MEETING, STEPS, curves, metrics_of, planned, result_of, room
+from tests.reports import MEETING, curves, metrics_of, planned, result_of, room
 
 # Instants are chosen by rules
 
@@ -40,10 +37,8 @@ def test_the_largest_and_the_smallest_gain_are_chosen():
     scenes = {"plain": planned(room()), "planted": planned(room(), planted_s=1.2)}
     best, least = (chosen(rule, scenes, crowd=4) for rule in ("gain", "loss"))
     assert (best.scene, best.time_s) == ("planted", pytest.approx(1.2))
-    assert f"largest, {0.3 * 0.3 * 5.5:+.3f} m on average over 5 moving" in best.caption
     assert best.focus in best.rows
     assert (least.scene, least.time_s) == ("plain", 0.0)
-    assert "smallest, +0.000 m" in least.caption
 
 
 AHEAD_S = (np.arange(10) + 1)[:, None] * 0.3
@@ -58,27 +53,21 @@ def crossing(starts, velocities, aside_m):
     return {"hall": windows_with(starts, truth, {"kalman_cv": straight}, **seen)}
 
 
-def test_two_people_who_make_room_are_chosen():
-    found = chosen(
-        "avoidance",
-        crossing([[2, 5], [6, 5], [2, 9]], [[1, 0], [-1, 0], [1, 0]], [[0, 0.5], [0, -0.5], [0, 0]]),
-    )
-    assert (found.scene, found.who, list(found.rows)) == ("hall", 7, [0, 1, 2])
-    assert "7 and 8" in found.caption
-
-
 @pytest.mark.parametrize(
-    ("velocities", "aside_m"),
+    ("velocities", "aside_m", "meet"),
     [
-        ([[1, 0], [-1, 0]], [[0, 0.1], [0, -0.1]]),  # they touch
-        ([[1, 0], [-1, 0]], [[0, 2.0], [0, -2.0]]),  # far apart
-        ([[-1, 0], [1, 0]], [[0, 0.5], [0, -0.5]]),  # leaving each other
-        ([[1, 0], [0.5, 0]], [[0, 0.5], [0, -0.5]]),  # one behind the other
-        ([[1, 0], [-0.1, 0]], [[0, 0.5], [0, -0.5]]),  # one stands
+        ([[1, 0], [-1, 0]], [[0, 0.5], [0, -0.5]], True),
+        ([[1, 0], [-1, 0]], [[0, 0.1], [0, -0.1]], False),  # they touch
+        ([[1, 0], [-1, 0]], [[0, 2.0], [0, -2.0]], False),  # far apart
+        ([[-1, 0], [1, 0]], [[0, 0.5], [0, -0.5]], False),  # leaving each other
+        ([[1, 0], [0.5, 0]], [[0, 0.5], [0, -0.5]], False),  # one behind the other
+        ([[1, 0], [-0.1, 0]], [[0, 0.5], [0, -0.5]], False),  # one stands
     ],
 )
-def test_people_who_do_not_meet_are_not_chosen(velocities, aside_m):
-    assert chosen("avoidance", crossing([[2, 5], [4, 5]], velocities, aside_m)) is None
+def test_two_people_who_make_room_are_chosen(velocities, aside_m, meet):
+    found = chosen("avoidance", crossing([[2, 5], [5, 5]], velocities, aside_m))
+    assert (found is not None) == meet
+    assert not meet or list(found.rows) == [0, 1]
 
 
 def blocked():
@@ -93,11 +82,10 @@ def test_depth_is_the_way_to_the_nearest_free_cell():
     np.testing.assert_allclose(depth_m(points, blocked().occupancy), [1.0, 0.1, 0.0, 0.0], atol=0.05)
 
 
-def test_a_person_who_turns_before_an_obstacle_is_chosen():
+def test_who_turns_before_an_obstacle_is_chosen():
     starts = [[3, 5.05], [3, 4.25], [3, 8], [2.9, 5.05]]  # the last one walks through
     windows = crossing(starts, [[1, 0]] * 4, [[-1.0, 2.5], [-1.0, -2.5], [0, 0], [0, 0]])
     assert chosen("obstacle", windows, {"hall": blocked()}).who == 7
-    assert chosen("obstacle", crossing([[3, 8]], [[1, 0]], [[0, 0]]), {"hall": blocked()}) is None
 
 
 # Windows at walls
@@ -129,7 +117,7 @@ def at_walls(people=9, far=2):
     return windows_with(position, truth, {"cv": straight, "lstm": lstm}, track_id=track, time_s=x)
 
 
-def test_of_each_person_at_a_wall_the_worst_window_is_a_candidate():
+def test_the_worst_window_of_each_person_at_a_wall_counts():
     windows = at_walls()
     rows = wall_windows(windows, walled(), METHODS)
     assert windows.time_s[rows].tolist() == [3.0] * len(RANKS)
@@ -140,9 +128,9 @@ def test_of_each_person_at_a_wall_the_worst_window_is_a_candidate():
 # People, forecasts and inputs
 
 
-@pytest.mark.parametrize("heading_rad", [0.0, 1.0, np.pi / 2, -2.5])
-@pytest.mark.parametrize(("place", "row", "column"), [((2, 0), 10, 30), ((0, 2), 30, 10), ((-2, 0), 50, 30)])
-def test_an_obstacle_ahead_is_drawn_above_and_one_to_the_left_left(heading_rad, place, row, column):
+@pytest.mark.parametrize("heading_rad", [0.0, 1.0, -2.5])
+@pytest.mark.parametrize(("place", "row", "column"), [((2, 0), 10, 30), ((0, 2), 30, 10)])
+def test_an_obstacle_ahead_is_drawn_above_and_left_is_left(heading_rad, place, row, column):
     agent = np.array([5.0, 5.0])
     occupied = np.zeros((100, 100), dtype=bool)
     x, y = np.floor((rotate(np.array(place), heading_rad) + agent) * 10 + 1e-9).astype(int)
@@ -154,18 +142,6 @@ def test_an_obstacle_ahead_is_drawn_above_and_one_to_the_left_left(heading_rad, 
     np.testing.assert_allclose(drawn, (row, column), atol=1.5)
 
 
-def test_modes_of_the_person_in_focus_are_wider_if_likelier():
-    paths = np.array([[[[1.0, 0.0]] * STEPS, [[0.0, 1.0]] * STEPS]] * 2)
-    two = Predictions(paths[:, 0], paths, np.array([[0.7, 0.3]] * 2), 0.3)
-    windows = windows_with(np.zeros((2, 2)), paths[:, 0], {"lstm": paths[:, 0]})
-    windows = replace(windows, predictions={"lstm": two})
-    axes = Figure().add_subplot()
-    scene_picture(axes, room(), Instant.of("hall", windows, 0), windows, [METHODS["lstm"]])
-    modes = [line for line in axes.lines if line.get_alpha()]
-    assert [line.get_xydata()[-1].tolist() for line in modes] == [[1.0, 0.0], [0.0, 1.0]]
-    assert modes[0].get_linewidth() ** 2 / modes[1].get_linewidth() ** 2 == pytest.approx(0.7 / 0.3)
-
-
 def gaussians(apart_m, weight=(0.6, 0.4)):
     """Two round modes of 1 m spread, one step ahead of one person."""
     path = np.array([[[[0.0, 0.0]], [[apart_m, 0.0]]]])
@@ -173,12 +149,9 @@ def gaussians(apart_m, weight=(0.6, 0.4)):
     return Predictions(path[:, 0], path, np.array([weight]), 0.3, covariance)
 
 
-def test_the_region_of_equal_modes_is_that_of_one():
-    outline = np.concatenate(region_outlines(gaussians(0.0), 0, 0, 0.9))
-    np.testing.assert_allclose(np.linalg.norm(outline, axis=-1), np.sqrt(radius2(0.9)), rtol=0.02)
-
-
 def test_a_region_has_a_part_around_every_likely_mode():
+    one = np.concatenate(region_outlines(gaussians(0.0), 0, 0, 0.9))
+    np.testing.assert_allclose(np.linalg.norm(one, axis=-1), np.sqrt(radius2(0.9)), rtol=0.02)
     assert len(region_outlines(gaussians(8.0), 0, 0, 0.9)) == 2
     assert len(region_outlines(gaussians(8.0, (0.95, 0.05)), 0, 0, 0.9)) == 1
 
@@ -209,7 +182,7 @@ def test_the_plan_lies_like_the_picture(turns):
     np.testing.assert_allclose(found, (1.0, 0.0), atol=1e-9)
 
 
-@pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
+@pytest.mark.parametrize("share", [0.5, 0.95])
 def test_an_ellipse_is_drawn_where_its_share_ends(share):
     centre, covariance = np.array([3.0, -1.0]), np.array([[0.5, 0.2], [0.2, 0.3]])
     outline = ellipse_outline(centre, covariance, share)
@@ -217,19 +190,6 @@ def test_an_ellipse_is_drawn_where_its_share_ends(share):
 
 
 # Curves, crops and sheets
-
-
-def test_curves_are_sorted_into_stages_and_models():
-    found = {stage: list(curves) for stage, curves in by_stage(curves(), METHODS).items()}
-    assert found == {"autoencoder": [""], "main": ["lstm_nogrid", "lstm"], "finetune eth": ["lstm"]}
-    axes = training_figure(curves(), METHODS).axes
-    assert [(own.get_title("left"), own.get_ylabel()) for own in axes] == [
-        ("autoencoder", "validation IoU"),
-        ("main", "validation ADE [m]"),
-        ("finetune eth", "validation ADE [m]"),
-    ]
-    assert [line.get_label() for line in axes[1].lines] == ["LSTM-noGrid, 0.400", "LSTM, 0.400"]
-    assert axes[2].lines[0].get_xydata().tolist() == [[5.0, 0.5], [10.0, 0.4]]
 
 
 def galleries():
@@ -285,30 +245,3 @@ def test_instants_need_the_main_method_and_motion(lack):
     sections = {section.title: section for section in draw_gallery(evaluated, METHODS)}
     assert "Instants, chosen by rule" not in sections
     assert next(iter(sections)) == "Error over the horizon"
-
-
-def test_crops_are_chosen_at_even_ranks_of_occupied_share():
-    shares = np.random.default_rng(0).permutation(101) + 71  # 72 cells are a fiftieth
-    packed = np.packbits(np.arange(3600) < shares[:, None], axis=1, bitorder="little")
-    scenes = {"hall": windows_with(np.zeros((101, 2)), np.zeros((101, 0, 2)), {}, packed_grid=packed)}
-    assert choose_evenly(scenes, 4).sum(axis=(1, 2)).tolist() == [72, 105, 138, 171]
-    assert len(choose_evenly(scenes, 999)) == 100
-    assert len(choose_evenly({}, 4)) == 0
-
-
-def test_a_sheet_shows_every_room_with_its_own_tracks():
-    axes = contact_sheet([room(name) for name in ("a", "b", "c")], 6.0, columns=2).axes[0]
-    corners = [np.reshape(image.get_extent(), (2, 2)).T for image in axes.images]
-    assert [tuple(low) for low, _ in corners] == [(0.0, 21.0), (21.0, 21.0), (0.0, 0.0)]
-    for (low, high), tracks in zip(corners, axes.collections, strict=True):
-        assert len(tracks.get_segments()) == 6
-        points = np.concatenate(tracks.get_segments())
-        np.testing.assert_allclose([points.min(axis=0) - low, high - points.max(axis=0)], [[2, 3], [11.5, 7]])
-
-
-def test_the_horizon_table_has_a_row_per_step_and_sorts_as_text():
-    metrics = metrics_of(MEETING)
-    table = horizon_table(result_of(metrics), METHODS)
-    assert list(table["horizon_s"]) == sorted(table["horizon_s"])
-    assert table["lstm"].tolist() == metrics["lstm"]["per_step_m"]
-    assert table["horizon_s"].iloc[-1] == f"{0.3 * len(table):.1f}"

@@ -29,8 +29,7 @@ def turned(scene, how):
     if how == "with x and y swapped":
         wrong = replace(ground, occupied=ground.occupied.T, origin=ground.origin[::-1])
     else:
-        steps = {"in x": (-1, 1), "in y": (1, -1), "180": (-1, -1)}
-        x, y = next(step for word, step in steps.items() if word in how)
+        x, y = {"mirrored in x": (-1, 1), "mirrored in y": (1, -1), "turned by 180 degrees": (-1, -1)}[how]
         wrong = replace(ground, occupied=ground.occupied[::x, ::y])
     return replace(scene, occupancy=wrong)
 
@@ -38,8 +37,16 @@ def turned(scene, how):
 WRONG = ["mirrored in x", "mirrored in y", "turned by 180 degrees", "with x and y swapped"]
 
 
+def moved(scene, rows, position):
+    """The same scene with some detections elsewhere."""
+    changed = scene.trajectories.position.copy()
+    changed[rows] = position
+    return replace(scene, trajectories=replace(scene.trajectories, position=changed))
+
+
 def test_a_right_map_is_not_warned_about(caplog):
     assert checked_placement(corner()).worst == 0.0
+    assert checked_placement(Scene.without_people("hall", "for a test")).worst == 0.0
     assert not caplog.records
 
 
@@ -65,22 +72,9 @@ def test_a_few_misplaced_detections_are_no_reason_to_warn(caplog):
     scene = corner()
     count = len(scene.trajectories)
     for misplaced, warned in ((count // 100, False), (count // 100 + 1, True)):
-        position = scene.trajectories.position.copy()
-        position[:misplaced] = -1.0, 2.0
-        people = replace(scene.trajectories, position=position)
-        assert checked_placement(replace(scene, trajectories=people)).in_obstacles == misplaced / count
+        found = checked_placement(moved(scene, slice(misplaced), (-1.0, 2.0)))
+        assert found.in_obstacles == misplaced / count
         assert bool(caplog.records) is warned
-
-
-def test_nobody_is_nowhere(caplog):
-    assert checked_placement(Scene.without_people("hall", "for a test")).worst == 0.0
-    assert not caplog.records
-
-
-@pytest.fixture
-def flipped(tmp_path):
-    write_scene(turned(corner(people=4), "mirrored in y"), tmp_path / "corner")
-    return tmp_path / "corner"
 
 
 def by_ingest(folder):
@@ -100,22 +94,22 @@ def by_ingest(folder):
     ],
     ids=["ingest", "info", "convert", "predict", "evaluate"],
 )
-def test_a_flipped_map_is_warned_about_by(read, flipped, caplog, mixture, monkeypatch):
+def test_a_flipped_map_is_warned_about_by(read, tmp_path, caplog, mixture, monkeypatch):
+    write_scene(turned(corner(people=4), "mirrored in y"), tmp_path / "corner")
     monkeypatch.setattr("pedpred.online.predictor.default_model", lambda: mixture[0])
-    read(flipped)
+    read(tmp_path / "corner")
     (warning,) = [record for record in caplog.records if record.name == "pedpred.scenes.placement"]
     assert "mirrored in y" in warning.getMessage()
 
 
-@pytest.mark.parametrize(("share", "marked"), [(0.0, False), (0.04, False), (0.06, True), (0.3, True)])
+@pytest.mark.parametrize(("share", "marked"), [(0.04, False), (0.06, True)])
 def test_figures_with_a_wrong_map_are_marked(share, marked, tmp_path, mixture, capsys):
     scene = corner(people=50)
-    position = scene.trajectories.position.copy()
-    position[scene.trajectories.track_id < round(50 * share), 1] += 100.0
-    people = replace(scene.trajectories, position=position)
-    write_scene(replace(scene, trajectories=people), tmp_path / "corner")
+    wrong = scene.trajectories.track_id < round(50 * share)
+    write_scene(moved(scene, wrong, scene.trajectories.position[wrong] + [0.0, 100.0]), tmp_path / "corner")
     given = ["evaluate", str(tmp_path / "corner"), "--samples", "20", "--model", str(mixture[0])]
     main(given)
     assert ("WRONG MAP?" in capsys.readouterr().out) is marked
-    main([*given, "--no-map"])
-    assert "WRONG MAP?" not in capsys.readouterr().out
+    if marked:
+        main([*given, "--no-map"])
+        assert "WRONG MAP?" not in capsys.readouterr().out

@@ -1,6 +1,5 @@
 """Training on several processes and devices: the same training as on one."""
 
-import dataclasses
 import multiprocessing
 import os
 import socket
@@ -12,14 +11,11 @@ import torch
 from safetensors.torch import load_file
 
 from pedpred.training import train as train_learner
-from pedpred.training.augmentation import Augmentation
 from pedpred.training.distributed import ALONE, DistributedContext, distributed_context
 from pedpred.training.loop import train_step
 from tests.exported import train_on
 from tests.refused import refused
-from tests.test_learning import QUICK, SMALL, WIDTHS, toy_data
-
-VARIED = dataclasses.replace(QUICK, augmentation=Augmentation(0.5, (0.8, 1.2), 0.1, 0.2, 0.2))
+from tests.trainings import SMALL, VARIED, WIDTHS, toy_data
 
 
 def train(here, folder):
@@ -95,12 +91,6 @@ def test_bfloat16_products_change_a_loss_by_rounding_only(narrow_lstm):
         losses.append(learner.loss(next(learner.batches(0)), 0).reported.item())
     assert losses[0] != losses[1]
     assert losses[1] == pytest.approx(losses[0], rel=2e-2)
-
-
-def test_a_data_set_moves_as_a_whole():
-    data = toy_data(np.random.default_rng(0)).to(torch.device("meta"))
-    tensors = [*data.channels.values(), data.future, data.future_steps]
-    assert {tensor.device.type for tensor in tensors} == {"meta"}
 
 
 def test_a_training_step_stays_on_its_device():

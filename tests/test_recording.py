@@ -60,7 +60,7 @@ def test_every_message_can_be_read_and_has_its_time_and_frame(tmp_path):
     assert next(instants, None) is None
 
 
-@pytest.mark.parametrize("later_s", [0.0, -1e-9, 0.1], ids=["at", "rounded", "behind"])
+@pytest.mark.parametrize("later_s", [-1e-9, 0.1], ids=["rounded", "behind"])
 def test_markers_show_people_and_paths_where_they_are(tmp_path, later_s):
     scene = small_scene(tracks=1)
     windows = walking_on(scene)
@@ -180,7 +180,7 @@ def test_an_animation_lasts_as_long_as_it_shows(tmp_path):
         write_animation(scene, walking_on(scene), other, METHODS, tmp_path / "c.gif")
 
 
-@pytest.mark.parametrize("frame_s", [0.125, 0.019, 0.15])
+@pytest.mark.parametrize("frame_s", [0.125, 0.15])
 def test_an_animation_keeps_the_pace_of_the_people(tmp_path, frame_s):
     scene = small_scene(tracks=1)
     animation = Animation("lstm", duration_s=1.0, frame_s=frame_s, tail_s=1.0, width_px=80)

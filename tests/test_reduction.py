@@ -5,8 +5,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.forecasting.reduction import merge_modes
-from pedpred.geometry import rotate, rotated_covariance
-from pedpred.metrics.calibration import mixture_nll
 from pedpred.scenes import Predictions
 
 STEPS, DT_S = 5, 0.3
@@ -45,16 +43,6 @@ def test_mean_and_covariance_of_the_positions_stay(seed, most):
         np.testing.assert_allclose(other, one, atol=1e-9)
 
 
-def test_copies_of_a_mode_become_one_and_the_density_stays():
-    rng = np.random.default_rng(1)
-    path, weight, covariance = modes(rng)
-    twice = [np.concatenate([values, values], axis=1) for values in (path, 0.5 * weight, covariance)]
-    before, after = predictions(path, weight, covariance), merge_modes(predictions(*twice), 6)
-    np.testing.assert_allclose(after.path, before.path, atol=1e-9)
-    truth = path[:, 0] + rng.normal(0, 0.3, path[:, 0].shape)
-    np.testing.assert_allclose(mixture_nll(after, truth), mixture_nll(before, truth), atol=1e-9)
-
-
 @settings(max_examples=30, deadline=None)
 @given(seed=SEEDS, most=st.integers(2, 8))
 def test_a_symmetric_forecast_stays_symmetric(seed, most):
@@ -67,16 +55,3 @@ def test_a_symmetric_forecast_stays_symmetric(seed, most):
     after = merge_modes(predictions(path, np.tile(0.5 * weight, 2), covariance), most)
     gap = np.linalg.norm(after.path[:, :, None] - (after.path * side)[:, None], axis=-1).max(axis=-1)
     assert gap.min(axis=2).max() < 1e-6
-
-
-@settings(max_examples=20, deadline=None)
-@given(seed=SEEDS, turn=st.floats(-3.0, 3.0))
-def test_turned_modes_are_merged_alike(seed, turn):
-    path, weight, covariance = modes(np.random.default_rng(seed))
-    here = merge_modes(predictions(path, weight, covariance), 3)
-    angle = np.full(path.shape[:-1], turn)
-    there = merge_modes(
-        predictions(rotate(path, angle), weight, rotated_covariance(covariance, angle[:, 0, 0])), 3
-    )
-    np.testing.assert_allclose(there.path, rotate(here.path, angle[:, :3]), atol=1e-7)
-    np.testing.assert_allclose(there.weight, here.weight, atol=1e-9)

@@ -43,10 +43,9 @@ def shares_inside(predictions, here, people, frames):
     return np.array([coverage(inside, share) for share in REGIONS])
 
 
-@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("deviation", [0.4, 1.0, 2.0])
-def test_regions_become_right_whatever_they_were(deviation, seed):
-    time_s, track_id, here, right = walks(np.random.default_rng(seed))
+def test_regions_become_right_whatever_they_were(deviation):
+    time_s, track_id, here, right = walks(np.random.default_rng(0))
     given_ = scaled(right, deviation)
     after = learned(given_, track_id, time_s, here, np.ones(len(here), bool))
     found = shares_inside(after, here, 20, 400)
@@ -56,7 +55,7 @@ def test_regions_become_right_whatever_they_were(deviation, seed):
     np.testing.assert_array_equal(after.point, given_.point)
 
 
-@pytest.mark.parametrize("deviations", [(0.5, 2.0), (2.0, 0.5), (0.7, 1.4), (1.4, 0.7)])
+@pytest.mark.parametrize("deviations", [(0.5, 2.0), (2.0, 0.5)])
 def test_regions_follow_a_change(deviations):
     time_s, track_id, here, right = walks(np.random.default_rng(1), frames=300)
     before, after = (scaled(right, deviation) for deviation in deviations)
@@ -104,14 +103,6 @@ def test_people_who_leave_teach_nothing_in_the_end():
     np.testing.assert_allclose(place.regions.learned, 0.0, atol=1e-12)
 
 
-def test_forecasts_without_covariances_stay():
-    time_s, track_id, here, predictions = walks(np.random.default_rng(4), frames=40)
-    bare = Predictions.single(predictions.point, DT_S)
-    after = learned(bare, track_id, time_s, here, np.ones(len(here), bool))
-    np.testing.assert_array_equal(after.point, bare.point)
-    assert after.covariance is None
-
-
 def test_what_is_kept_does_not_grow():
     time_s, track_id, here, predictions = walks(np.random.default_rng(5), frames=300, people=30)
     place, sizes = place_of(Regions.initial(STEPS)), []
@@ -142,14 +133,6 @@ def shares_of_truth(predictions, truth):
     rows = np.arange(len(truth) // 2, len(truth))
     inside = share_inside(predictions.select(rows), truth[rows])
     return np.array([coverage(inside, share)[0] for share in REGIONS])
-
-
-def test_noise_of_detections_is_hardly_in_the_regions():
-    """At 10 Hz and 0.3 s ahead, with detections as noisy as forecasts are wrong: a fifth of it is left."""
-    time_s, track_id, detected, truth, right = noisy(7, 0.1, 0.05, 1200)
-    after = learned(right, track_id, time_s, detected, np.ones(len(truth), bool))
-    found = shares_of_truth(after, truth)
-    np.testing.assert_allclose(found, 1.0 - (1.0 - np.array(REGIONS)) ** 1.2, atol=0.02)
 
 
 @pytest.mark.parametrize("every_s", [0.1, 0.25, 0.4])

@@ -5,8 +5,6 @@ import re
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.metrics import METRICS, Metric
@@ -14,7 +12,7 @@ from pedpred.report.document import markdown_table
 from pedpred.report.findings import judge_expectations, sum_up
 from pedpred.report.gather import Evaluated, scene_names, study_page
 from pedpred.report.methods import Method
-from pedpred.report.places import places_section, places_table, ratios_table, relative_errors, wins
+from pedpred.report.places import places_section, places_table, ratios_table, relative_errors
 from pedpred.report.results import read_metrics, results_frame, results_of
 from pedpred.report.sections import answer
 from pedpred.report.tables import calibration_table, further_table, metrics_table, steps_table
@@ -58,7 +56,7 @@ def test_a_figure_keeps_its_interval_and_a_null_has_no_row():
     assert figures.get("cv", "nll") is None
 
 
-def test_a_metric_file_without_a_needed_figure_is_refused(tmp_path):
+def test_results_without_a_needed_figure_are_refused(tmp_path):
     path = tmp_path / "sim.json"
     scenes = {"sim_test": metrics_of(MEETING)}
     path.write_text(json.dumps(scenes))
@@ -67,10 +65,7 @@ def test_a_metric_file_without_a_needed_figure_is_refused(tmp_path):
     path.write_text(json.dumps(scenes))
     with pytest.raises(InputError) as error:
         read_metrics(path)
-    assert "sim_test/cv/tracks" in str(error.value)
-
-
-def test_a_test_set_without_figures_is_refused():
+    assert error.value.path == path
     with pytest.raises(ValueRuleError):
         results_of({"eth": metrics_of(MEETING)}, SIMULATED, "sim", 0.3)
 
@@ -84,25 +79,13 @@ def test_parts_belong_to_the_longest_name_that_fits():
 # Methods
 
 
-def test_methods_keep_order_and_colour():
-    assert METHODS.ordered(["zebra", "lstm", "cv", "aaa"]) == ["cv", "lstm", "aaa", "zebra"]
-    assert (METHODS["zebra"].label, METHODS["zebra"].role) == ("zebra", "other")
-    for shown in ("colour", "label"):
-        assert len({getattr(method, shown) for method in METHODS}) == len(METHODS.rows)
-
-
-def test_an_ablation_names_its_network():
+def test_methods_refer_to_methods_of_the_right_kind():
     ((part, whole),) = METHODS.ablations
     assert (part.role, whole.role) == ("ablation", "network")
+    assert METHODS.reference in METHODS.simple
     for row, of in ((part, ""), (whole, "cv")):
         with pytest.raises(ValueRuleError):
             load(Method, vars(row) | {"of": of}, f"methods.{row.key}")
-    with pytest.raises(ValueRuleError):
-        replace(METHODS, rows=tuple(replace(row, of="cv") if row is part else row for row in METHODS))
-
-
-def test_the_reference_is_a_simple_method():
-    assert METHODS.reference in METHODS.simple
     for key in ("lstm", "zebra"):
         with pytest.raises(ValueRuleError):
             replace(METHODS, reference=METHODS[key])
@@ -128,43 +111,47 @@ def judged(metrics, train=()):
 def test_expectations_are_met_or_missed(changed, missed):
     found = judged(metrics_of(MEETING | changed))
     assert [finding.claim for finding in found if finding.verdict == "missed"] == missed
-    summary = sum_up([("here", finding) for finding in found])
-    assert all(claim in summary for claim in missed)
-    assert summary.startswith("All 4" if not missed else f"**{len(missed)} of 4")
+    assert sum_up([("here", finding) for finding in found]).startswith("**" if missed else "All")
 
 
 @pytest.mark.parametrize(
-    ("lstm", "verdict", "words"),
-    [(0.594, "met", "1.0 % better"), (0.610, "missed", "1.7 % worse"), (0.500, "met", "16.7 % better")],
+    ("lstm", "spread_m", "verdict", "shown"),
+    [(0.594, 0.001, "met", "1.0 %"), (0.610, 0.001, "missed", "1.7 %"), (0.595, 0.02, None, "includes 0")],
 )
-def test_a_gain_is_judged_in_both_directions(lstm, verdict, words):
-    metrics = metrics_of(MEETING | {"lstm": lstm}, spread_m=0.001)
-    *_, below_cv, gain = judged(metrics, train=["real/home"])
-    assert (below_cv.verdict, gain.verdict, gain.measured) == ("met", verdict, words)
-    assert f"{words} than the Kalman CV's 0.600 m" in answer(result_of(metrics), METHODS)
-
-
-def test_a_difference_whose_interval_includes_0_is_called_so():
-    unsure = metrics_of(MEETING | {"lstm": 0.595}, spread_m=0.02)
-    assert "not distinguishable" in answer(result_of(unsure), METHODS)
-    assert "includes 0" in judged(unsure, train=["real/home"])[-1].measured
-    assert "not distinguishable" not in answer(result_of(metrics_of(MEETING)), METHODS)
+def test_a_gain_is_judged_by_its_interval(lstm, spread_m, verdict, shown):
+    """In both directions; where the interval includes 0, the sentence claims no difference."""
+    metrics = metrics_of(MEETING | {"lstm": lstm}, spread_m)
+    *_, gain = judged(metrics, train=["real/home"])
+    assert shown in gain.measured
+    assert verdict in (None, gain.verdict)
+    assert ("not distinguishable" in answer(result_of(metrics), METHODS)) == (verdict is None)
 
 
 def test_a_method_without_figures_is_not_judged():
     metrics = metrics_of({"cv": 0.7, "kalman_cv": 0.6})
     assert {finding.verdict for finding in judged(metrics)} == {"not measured"}
-    assert "was not evaluated" in answer(result_of(metrics), METHODS)
 
 
 # Tables of a test set
 
 
-def test_a_row_of_metrics_holds_figures_and_intervals():
-    rows = cells_of(metrics_table(result_of(metrics_of(MEETING)), METHODS))
+def test_tables_hold_figures_and_intervals():
+    result = result_of(metrics_of(MEETING))
+    rows = cells_of(metrics_table(result, METHODS))
     assert rows["CV"][:5] == ["0.700 (0.680 to 0.730)", "1.330", "0.770", "-", "1.23 %"]
     assert rows["CV"][5:] == ["20.00 %", "+0.100 (+0.090 to +0.110)"]
     assert rows["Kalman CV"][-1] == "-"
+    covered = cells_of(calibration_table(result, METHODS))
+    assert covered["LSTM"] == ["51 / 51 / 51", "91 / 91 / 91", "96 / 96 / 96", "-4.00 / -1.33 / 2.00"]
+    assert calibration_table(result_of(metrics_of({"cv": 1.0, "kalman_cv": 0.5})), METHODS) is None
+    ahead = cells_of(steps_table(result, METHODS))
+    assert ahead["method"] == [f"{0.3 * step:.1f} s" for step in range(1, STEPS + 1)]
+    assert ahead["LSTM"][-1] == "0.760 (0.380, 0.760, 1.140)"
+
+
+def test_a_bar_in_a_cell_adds_no_column():
+    lines = markdown_table(["a|b", "|", "eth"], [["|", "1", "||"]]).split("\n")
+    assert {len(re.findall(r"(?<!\\)\|", line)) for line in lines} == {4}
 
 
 def test_every_metric_is_in_one_table(monkeypatch):
@@ -181,25 +168,6 @@ def test_every_metric_is_in_one_table(monkeypatch):
     first = cells_of(metrics_table(result_of(metrics), METHODS))
     assert first["method"][2:5] == ["minADE6 [m]", "ADE moving [m]", "NLL [nats]"]
     assert first["LSTM"][2:8] == ["0.300", "0.440", "0.50", "1.23 %", "20.00 %", "10.00 %"]
-
-
-def test_coverage_is_listed_at_three_times():
-    table = cells_of(calibration_table(result_of(metrics_of(MEETING)), METHODS))
-    assert list(table) == ["after 0.3 / 1.5 / 3.0 s", "LSTM"]
-    assert table["LSTM"] == ["51 / 51 / 51", "91 / 91 / 91", "96 / 96 / 96", "-4.00 / -1.33 / 2.00"]
-    assert calibration_table(result_of(metrics_of({"cv": 1.0, "kalman_cv": 0.5})), METHODS) is None
-
-
-def test_errors_over_the_horizon_are_listed():
-    table = cells_of(steps_table(result_of(metrics_of(MEETING)), METHODS))
-    assert table["method"] == [f"{0.3 * step:.1f} s" for step in range(1, STEPS + 1)]
-    assert table["LSTM"][-1] == "0.760 (0.380, 0.760, 1.140)"
-
-
-@given(st.lists(st.sampled_from(["a|b", "|", "eth", "1"]), min_size=3, max_size=3))
-def test_a_bar_in_a_cell_adds_no_column(cells):
-    lines = markdown_table(cells, [cells]).split("\n")
-    assert {len(re.findall(r"(?<!\\)\|", line)) for line in lines} == {4}
 
 
 # Pages
@@ -258,15 +226,8 @@ def test_a_network_has_a_column_per_training():
     ]
     assert table["hall"][-2:] == ["0.300 (0.280 to 0.330)", "0.330 (0.310 to 0.360)"]
     assert table["yard"][0] == "0.700 (0.680 to 0.730)"
-
-
-def test_wins_and_ratios_are_counted_by_place():
-    words = wins(STUDIES, METHODS["lstm"], METHODS)
-    assert re.findall(r"at (\d) of (\d)", words) == [("1", "2"), ("2", "2")]
-    assert re.findall(r"\((.+?) times", words) == ["0.50 to 1.20", "0.55 to 0.83"]
-    table = cells_of(ratios_table(STUDIES, METHODS))
-    assert table["hall"] == ["0.600 (0.580 to 0.630)", "**0.50**", "**0.55**", "**0.83**", "**0.83**", "1.00"]
-    assert table["yard"] == ["0.600 (0.580 to 0.630)", "1.20", "**0.83**", "**0.83**", "**0.83**", "1.00"]
+    ratios = cells_of(ratios_table(STUDIES, METHODS))
+    assert ratios["yard"] == ["0.600 (0.580 to 0.630)", "1.20", *["**0.83**"] * 3, "1.00"]
 
 
 def section_of(results, missing=None, scenes=None):
@@ -297,6 +258,5 @@ def test_exact_forecasts_have_pages(exact):
         figures |= {key: 0.0 for key, value in figures.items() if isinstance(value, float)}
         figures |= {key: [0.0] * len(value) for key, value in figures.items() if isinstance(value, list)}
     section, evaluated = section_of(results_of({"hall": metrics}, [{"test": ["real/hall"]}], "transfer", 0.3))
-    page = study_page(evaluated, [], METHODS, PAPER).markdown("")
-    assert ("no better" if "lstm" in exact else "worse") in page
+    assert study_page(evaluated, [], METHODS, PAPER).markdown("")
     assert section.blocks

@@ -12,14 +12,13 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pedpred.ros.message_types import UPDATE_TYPE, known_types, serialize
+from pedpred.ros.message_types import UPDATE_TYPE, serialize
 from pedpred.ros.planning import ROW
 from pedpred.ros.scene_messages import header, seconds
 from pedpred.ros2.diagnostics import DIAGNOSTICS_TYPE
@@ -31,18 +30,12 @@ from tests.following import people as people_bytes
 from tests.following import transform as pose
 from tests.following import transforms as transforms_bytes
 from tests.robots import CAMERA, ODOM, SPEED, STANDING, WALKING, from_camera, robot
+from tests.ros_place import CLOUD, LIMIT_S, PYTHON, Place
 
 pytestmark = with_ros
-PYTHON = ROOT / "build/ros/bin/python"
-if not PYTHON.exists():
-    PYTHON = Path(sys.executable)
-
-NODE = PYTHON, "-m", "pedpred.ros2"
-PEER, PACKAGES = ROOT / "tests/ros_packages/peer.py", ROOT / "tests/ros_packages"
-CLOUD = "sensor_msgs/msg/PointCloud2"
 AGENTS = "pedsim_msgs/msg/AgentStates"
-CLOCK, POSES = "rosgraph_msgs/msg/Clock", "geometry_msgs/msg/PoseArray"
-LIMIT_S, COMPILING_S = 180, 600
+CLOCK = "rosgraph_msgs/msg/Clock"
+COMPILING_S = 600
 _domains = count(20 + 30 * int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]))
 
 
@@ -67,102 +60,6 @@ def place(tmp_path, compiled):
     here = Place(tmp_path, str(next(_domains)))
     yield here
     here.close()
-
-
-class Place:
-    """Processes that hear each other; none outlives the test."""
-
-    def __init__(self, folder, domain):
-        self.folder, self.plans, self.processes = folder, count(), []
-        self.environment = os.environ | {
-            "ROS_DOMAIN_ID": domain,
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "ROS_LOG_DIR": str(folder / "log"),
-            "PYTHONPATH": f"{PACKAGES}:{ROOT}",
-            "PYTHONUNBUFFERED": "1",
-        }
-
-    def start(self, command, log):
-        """Run a command, whose output is written to the file `log`."""
-        with log.open("w") as out:
-            process = subprocess.Popen(
-                command, stdout=out, stderr=subprocess.STDOUT, env=self.environment, cwd=self.folder
-            )
-        self.processes.append(process)
-        return process
-
-    def run(self, command, **environment):
-        """Run a command to its end."""
-        how = {"cwd": self.folder, "capture_output": True, "text": True, "timeout": LIMIT_S, "check": False}
-        return subprocess.run(command, env=self.environment | environment, **how)
-
-    def wait(self, is_there, what, log=None):
-        """Wait for something, at most `LIMIT_S`; the error has the text of the file `log`."""
-        end_s = time.monotonic() + LIMIT_S
-        while not is_there():
-            text = log.read_text() if log else ""
-            assert time.monotonic() < end_s, f"no {what} within {LIMIT_S} s {text}"
-            time.sleep(0.05)
-
-    def close(self):
-        """Kill what still runs."""
-        for process in self.processes:
-            process.kill()
-            process.wait(LIMIT_S)
-
-    @contextmanager
-    def node(self, *arguments, ready="forecasting people", number=signal.SIGTERM, command=NODE):
-        """Run the node until the block ends, then end it by a signal; its output is in `log`."""
-        log = self.folder / "node.txt"
-        patient = "-p", "max_wait_s:=3600.0"  # a busy machine may be slow
-        process = self.start([*command, "--ros-args", *arguments, *patient], log)
-        self.wait(lambda: process.poll() is not None or ready in log.read_text(), repr(ready), log)
-        assert process.poll() is None, log.read_text()
-        try:
-            yield log
-        except subprocess.TimeoutExpired as cause:
-            raise AssertionError(f"{cause}; the node printed {log.read_text()}") from cause
-        assert process.poll() is None, f"the node has ended: {log.read_text()}"
-        process.send_signal(number)
-        assert process.wait(LIMIT_S) == 0, log.read_text()
-        assert "Traceback" not in log.read_text()
-
-    def peer(self, **plan):
-        """Start a process of ros_packages/peer.py; returns it, its record and its output."""
-        path = self.folder / f"plan{next(self.plans)}.json"
-        out, log = path.with_suffix(".out"), path.with_suffix(".txt")
-        path.write_text(json.dumps({"out": str(out), "limit_s": LIMIT_S} | plan))
-        return self.start([PYTHON, PEER, path], log), out, log
-
-    def exchange(self, publish, beat, send, record, until, probe=(), since_s=100):
-        """Publish in one process, record in another one; returns topic -> messages as they were received.
-
-        Args:
-            publish: topic, type, QoS of each publisher.
-            beat: index of a publisher and an empty message, sent with later and later stamps until forecasts
-                arrive.
-            send: time (s), index of a publisher, message.
-            record: topic, type, QoS.
-            until: topic -> how many messages are awaited.
-            probe: further messages that are sent with the beat.
-            since_s: earlier forecasts are those of the beat.
-        """
-        number = next(self.plans)
-        shared = {name: str(self.folder / f"{name}{number}") for name in ("ready", "done")}
-        answers = [topic for topic, kind, _ in record if kind == CLOUD]
-        asked = {"until": until, "answers": answers, "since_s": since_s}
-        recorder, out, recorder_log = self.peer(record=record, **asked, **shared)
-        sender, _, sender_log = self.peer(publish=publish, probe=probe, beat=beat, send=send, **shared)
-        longest_s = 4 * LIMIT_S + send[-1][0]  # each wait of a peer ends before
-        codes = recorder.wait(longest_s), sender.wait(longest_s)
-        logs = recorder_log, sender_log, self.folder / "node.txt"
-        assert codes == (0, 0), "\n".join(log.read_text() for log in logs)
-        kinds = {topic: kind for topic, kind, _ in record}
-        received = {topic: [] for topic in kinds}
-        for line in out.read_text().splitlines():
-            topic, _, text = line.split()
-            received[topic].append(known_types().deserialize_cdr(bytes.fromhex(text), kinds[topic]))
-        return received
 
 
 def people(*about, **places):
@@ -270,34 +167,6 @@ def test_a_latched_map_of_before_is_used_and_updates_change_it(place):
     maps = [pair.value for status in statuses for pair in status.values if pair.key == "map"]
     assert maps[0] == "100 x 60 cells, 3.0 % blocked"
     assert maps[-1] == "100 x 60 cells, 6.0 % blocked"
-
-
-def test_a_missing_map_is_warned_about(place):
-    """And a second publisher whose time begins again goes on; Ctrl-C ends the node without a traceback."""
-    walk = [(k / 10, 0, people(100.0 + k / 10, **{"5": (k / 10, 0.0)})) for k in range(25)]
-    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
-    publish = [("/people", PEOPLE_TYPE, "bv")]
-    with place.node(number=signal.SIGINT) as log:
-        for _ in range(2):
-            until = {"/predictions": 25, "/diagnostics": 2}
-            received = place.exchange(publish, (0, people(60.0)), walk, record, until)
-            times = [cloud.header.stamp.sec for cloud in received["/predictions"]]
-            assert times[0] == 100
-            assert times == sorted(times)
-    assert "use_map" in log.read_text()
-    statuses = [status for message in received["/diagnostics"] for status in message.status]
-    assert any("no map" in one.message and one.level == 1 for one in statuses)
-
-
-def test_a_missing_transform_is_logged_and_not_repeated(place):
-    walk = [(k / 20, 0, people(100.0 + k / 20, "camera", **{"5": (k / 20, 0.0)})) for k in range(40)]
-    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
-    beat, until = (0, people(60.0, "camera")), {"/diagnostics": 4}
-    with place.node("-p", "use_map:=false") as log:
-        place.exchange([("/people", PEOPLE_TYPE, "rv")], beat, walk, record, until)
-    lines = [line for line in log.read_text().splitlines() if "left out" in line]
-    assert "'camera'" in lines[0]
-    assert len(lines) <= 3
 
 
 def test_publishers_of_other_qos_are_warned_about(place):

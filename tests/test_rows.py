@@ -1,16 +1,20 @@
 """Rows of the configuration that tools write: one changes, the others and their comments stay."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
+from pedpred.baselines.social_force import initial_state
 from pedpred.errors import ConfigError
+from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.scenes import write_scene
 from tests.configuration import read
 from tests.conftest import ROOT
+from tests.simulated import SETTINGS
 from tests.worlds import walled_scene
 from tools import fit_social_force, tune_tracker
 from tools.rows import write_row
@@ -62,6 +66,28 @@ def test_fitted_forces_become_a_row(tmp_path, monkeypatch):
     fit_social_force.main(["hall", "--trials", "2", "--out", str(path)])
     row = yaml.safe_load(path.read_text())["fitted_on_hall"]
     assert set(row["forces"]) == set(fit_social_force.FITTED)
+
+
+def test_a_fit_comes_closer_to_what_people_did():
+    """Two pairs meet on a pavement; the truth is how they walk by other forces."""
+    start = np.array([[2.0, 4.0], [2.0, 5.2], [14.0, 4.3], [14.0, 5.5]])
+    velocity = np.array([[1.3, 0], [1.3, 0], [-1.3, 0], [-1.3, 0]])
+    time_s = np.repeat(0.3 * np.arange(31), 4)
+    position = np.tile(start, (31, 1)) + np.tile(velocity, (31, 1)) * time_s[:, None]
+    ground = OccupancyMap(np.zeros((160, 100), bool), np.zeros(2), 0.1)
+    people, groups = np.tile(np.arange(4), 31), np.tile([7, 7, 2, 2], 31)
+    walks = Trajectories(time_s, people, position, group_id=groups)
+    scene = Scene("pavement", walks, ground, 0.3)
+    begun = initial_state(scene, np.arange(4), np.zeros(4), start, velocity, SETTINGS.routing)
+
+    def walked(**forces):
+        return begun.paths(replace(SETTINGS, forces=SETTINGS.forces._replace(**forces)), 10, 0.3)
+
+    truth = walked(pedestrian_strength=6.0, relaxation_time_s=0.9)
+    fit = fit_social_force.fit_forces(begun, np.arange(4), truth, SETTINGS, 0.3, most_trials=60)
+    assert fit.reached_m < 0.5 * fit.start_m
+    off = np.linalg.norm(walked(**fit.forces) - truth, axis=-1)
+    assert fit.reached_m == pytest.approx(off.mean())
 
 
 def test_a_row_that_would_be_its_own_base_is_refused():

@@ -19,6 +19,7 @@ from pedpred.storage.scenes import (
     write_map,
     write_scene,
 )
+from tests.refused import unread
 from tests.scenes import assert_same, scenes, write_as_table
 
 
@@ -29,25 +30,13 @@ def test_disk_round_trip_changes_nothing(tmp_path, scene):
     assert_same(read_scene(tmp_path / "place"), scene)
 
 
-EMPTY = Trajectories(np.empty(0), np.empty(0), np.empty((0, 2)))
-
-
-def test_a_scene_without_people_says_why_on_disk(tmp_path):
+def test_a_scene_says_on_disk_why_it_is_none(tmp_path):
     scene = Scene.without_people("place", "the archive is down")
     write_scene(scene, tmp_path / "place")
     assert_same(read_scene(tmp_path / "place"), scene)
-    assert not len(scene.trajectories)
     assert not scene.occupancy.occupied.any()
-    with pytest.raises(ValueRuleError, match="unavailable"):
+    with pytest.raises(ValueRuleError):
         replace(scene, trajectories=Trajectories([0.0], [1], [[0.0, 0.0]]))
-
-
-def test_a_scene_of_simulated_people_says_so_on_disk(tmp_path):
-    scene = Scene("place", EMPTY, OccupancyMap(np.eye(2), [0, 0], 0.1), 0.4, stand_in="drawn by hand")
-    write_scene(scene, tmp_path / "place")
-    assert_same(read_scene(tmp_path / "place"), scene)
-    write_scene(replace(scene, stand_in=None), tmp_path / "place")
-    assert "stand_in" not in (tmp_path / "place/scene.json").read_text()
 
 
 @pytest.fixture
@@ -83,9 +72,8 @@ def test_a_folder_of_scenes_is_a_set(folder):
 
 
 def test_no_scene_is_an_error(tmp_path):
-    with pytest.raises(InputError) as refused:
+    with unread(tmp_path):
         scene_folders(tmp_path)
-    assert refused.value.path == tmp_path
 
 
 def change_json(folder, **changed):
@@ -106,10 +94,15 @@ DAMAGES = {
     "no name": ("scene.json", lambda f: change_json(f, name=None), "name"),
     "a negative interval": ("scene.json", lambda f: change_json(f, detection_dt_s=-1.0), "detection_dt_s"),
     "a text for a number": ("scene.json", lambda f: change_json(f, detection_dt_s="often"), "detection_dt_s"),
-    "cut JSON": ("scene.json", lambda f: (f / "scene.json").write_text("{"), None),
-    "no file of tracks": ("tracks.parquet", lambda f: (f / "tracks.parquet").unlink(), None),
+    "cut JSON": ("scene.json", lambda f: (f / "scene.json").write_text("{"), "scene.json"),
+    "no tracks": ("tracks.parquet", lambda f: (f / "tracks.parquet").unlink(), "tracks.parquet"),
     "missing positions": ("tracks.parquet", lambda f: change_tracks(f, x_m=np.nan), "x_m"),
     "text for ids": ("tracks.parquet", lambda f: change_tracks(f, track_id="a"), "track_id"),
+    "a negative cell": ("map", lambda f: change_map(f, "resolution: 0.1", "resolution: -0.1"), "resolution"),
+    "no cell": ("map", lambda f: change_map(f, "resolution", "size"), "resolution"),
+    "a word for colours": ("map", lambda f: change_map(f, "negate: 0", "negate: dark"), "negate"),
+    "a share of 65": ("map", lambda f: change_map(f, "thresh: 0.65", "thresh: 65"), "occupied_thresh"),
+    "a cut picture": ("map", lambda f: (f / "map.pgm").write_bytes(b"P5\n9 9\n255\n"), r"map\.pgm"),
 }
 
 
@@ -117,26 +110,9 @@ DAMAGES = {
 def test_damage_is_named_by_file_and_field(folder, damage):
     name, change, field = DAMAGES[damage]
     change(folder)
-    with pytest.raises(InputError, match=field) as refused:
+    with pytest.raises(InputError, match=field) as error:
         read_scene(folder)
-    assert refused.value.path == folder / name
-
-
-MAP_DAMAGES = {
-    "resolution_m": lambda f: change_map(f, "resolution: 0.1", "resolution: -0.1"),
-    "resolution": lambda f: change_map(f, "resolution", "size"),
-    "negate": lambda f: change_map(f, "negate: 0", "negate: dark"),
-    "occupied_thresh": lambda f: change_map(f, "thresh: 0.65", "thresh: 65"),
-    r"map\.pgm": lambda f: (f / "map.pgm").write_bytes(b"P5\n9 9\n255\n"),
-}
-
-
-@pytest.mark.parametrize("field", MAP_DAMAGES)
-def test_damage_of_the_map_is_named_by_field(folder, field):
-    MAP_DAMAGES[field](folder)
-    with pytest.raises(InputError, match=field) as refused:
-        read_scene(folder)
-    assert refused.value.path.parent == folder
+    assert str(error.value.path).startswith(str(folder / name)), "a map is map.yaml or map.pgm"
 
 
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -155,12 +131,10 @@ def test_a_folder_holds_its_tracks_once(folder):
     """Otherwise a corrected table would lose against the Parquet file of an earlier conversion."""
     scene = read_own(folder)
     write_as_table(scene, folder)
-    with pytest.raises(InputError) as refused:
+    with unread(folder / "tracks.csv"):
         write_scene(scene, folder)
-    assert refused.value.path == folder / "tracks.csv"
     assert_same(read_own(folder).trajectories, scene.trajectories)
     write_scene(scene, folder.parent / "again")
     (folder.parent / "again" / "tracks.parquet").rename(folder / "tracks.parquet")
-    with pytest.raises(InputError) as refused:
+    with unread(folder / "tracks.csv"):
         read_own(folder)
-    assert refused.value.path == folder / "tracks.csv"

@@ -1,20 +1,17 @@
 """Every value of the configuration has a type and a range, and every mapping its names."""
 
 import copy
-import errno
 import math
-import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
-from unittest.mock import Mock
 
 import pytest
 from omegaconf import OmegaConf
 
 from pedpred.config import part
-from pedpred.errors import PedpredError
+from pedpred.errors import ConfigError, PedpredError
 from pedpred.report.findings import Paper
 from pedpred.report.literature import PublishedRows
 from pedpred.report.methods import Methods
@@ -22,7 +19,7 @@ from pedpred.report.page.player import ReplaySettings
 from pedpred.settings import load, load_together
 from pedpred.simulation.worlds import SensingSettings, WorldSettings
 from pedpred.sources.mirrors import Mirrors
-from stages import eth_ucy_train, evaluate, pretrain_autoencoder, rows, train
+from stages import evaluate, pretrain_autoencoder, rows, train
 from stages.config import PARTS, STAMP, check_layouts, check_parts, main
 from stages.references import layout_names
 from stages.row_types import PageRows
@@ -57,7 +54,6 @@ BASES = {base for name in ROWS for row in PARAMS[name].values() if (base := row.
 FREE = (  # names that are chosen freely, or that other parts of the configuration choose
     "mirrors",
     *(f"training.{phase}.shares" for phase in ("situations", "adaptation")),
-    *(f"literature.networks.mixture.{phase}.shares" for phase in ("worlds", "recorded")),
     *(name for name in ROWS if name != "folds"),
     *(f"folds.{study}" for study in PARAMS["folds"]),
     *(f"methods.{group}" for group in PARAMS["methods"]),
@@ -65,7 +61,9 @@ FREE = (  # names that are chosen freely, or that other parts of the configurati
     *("online.exports", "online.promises", "situations.simulated", "recording.scenes", "driving.places"),
     *(
         "literature.scenes",
-        "literature.folds",
+        "literature.places",
+        "literature.folds.eth_ucy",
+        "literature.trainings",
         "literature.exports",
         "driving.exports",
         "mirror.inside",
@@ -209,83 +207,45 @@ def test_an_unknown_part_is_refused():
         check_parts(params | {"magic": 1})
 
 
-@pytest.mark.parametrize(
-    ("path", "value", "message"),
-    [
-        ("folds.few", {}, "'folds' = 'few': choose one of sim, transfer, real"),
-        (
-            "folds.real.without_eth.train",
-            ["real/eth"],
-            "'folds.real.without_eth.train' = ['real/eth']: the same",
-        ),
-        (
-            "folds.real.a",
-            {"test": ["real/eth"], "train": []},
-            "'folds.real.a.test' = 'real/eth': fold without_eth",
-        ),
-        ("folds.real.a", {"test": []}, "'folds.real.a.train' = None: a fold of this study needs it"),
-        ("folds.sim.a", {"test": [], "train": []}, "'folds.sim.a.train' = []: folds of sim are not trained"),
-        ("methods.more", {}, "'methods' = 'more': choose one of baselines, networks"),
-        (
-            "methods.networks.cv",
-            PARAMS["methods"]["networks"]["mixture"],
-            "'methods' = ['cv']: a name must be that of one row",
-        ),
-        ("methods.networks.a", {"where": []}, "'methods.networks.a.settings.architecture' = None"),
-        (
-            "recording.scenes.a",
-            {"scene": "real/eth", "networks": "main"},
-            "'recording.scenes.a.scene' = 'real/eth'",
-        ),
-        (
-            "online.exports.small.weights",
-            "models/mixture_main/none",
-            "'online.exports.small.weights' = 'models/mixture_main/none': choose one of models/mixture_main",
-        ),
-        (
-            "trainings.lstm_main.previous",
-            "models/mixture_main",
-            "'trainings.lstm_main.previous' = 'models/mixture_main': no row of trainings writes",
-        ),
-        ("trainings.lstm_main.phase", "mian", "'trainings.lstm_main.phase' = 'mian': choose one of corridor"),
-        ("places.eth.tracker", "truth", "'places.eth.tracker' = 'truth': true states need velocities"),
-        (
-            "situations.simulated.corridor.kind",
-            "arrangement",
-            "'situations.simulated.corridor.input' = 'data/config.checked': it must be a folder",
-        ),
-        ("driving.places.room.world", "rooms", "'driving.places.room.world' = 'rooms': choose one of none"),
-        (
-            "driving.places.room.world",
-            "none",
-            "'driving.places.room.input' = 'data/config.checked': it must be a folder",
-        ),
-        ("online.exports.small.network", "cv", "'online.exports.small.network' = 'cv': choose one of lstm"),
-    ],
-)
-def test_rows_that_contradict_each_other_are_refused_by_their_keys(path, value, message):
+WRONG_ROWS = [  # path, value, key of the error
+    ("folds.few", {}, "folds"),
+    ("folds.real.without_eth.train", ["real/eth"], "folds.real.without_eth.train"),
+    ("folds.real.a", {"test": ["real/eth"], "train": []}, "folds.real.a.test"),
+    ("folds.real.a", {"test": []}, "folds.real.a.train"),
+    ("folds.sim.a", {"test": [], "train": []}, "folds.sim.a.train"),
+    ("methods.more", {}, "methods"),
+    ("methods.networks.cv", PARAMS["methods"]["networks"]["mixture"], "methods"),
+    ("methods.networks.a", {"where": []}, "methods.networks.a.settings.architecture"),
+    ("recording.scenes.a", {"scene": "real/eth", "networks": "main"}, "recording.scenes.a.scene"),
+    ("online.exports.small.weights", "models/mixture_main/none", "online.exports.small.weights"),
+    ("online.exports.small.network", "cv", "online.exports.small.network"),
+    ("trainings.lstm_main.previous", "models/mixture_main", "trainings.lstm_main.previous"),
+    ("trainings.lstm_main.phase", "mian", "trainings.lstm_main.phase"),
+    ("places.eth.tracker", "truth", "places.eth.tracker"),
+    ("situations.simulated.corridor.kind", "arrangement", "situations.simulated.corridor.input"),
+    ("driving.places.room.world", "rooms", "driving.places.room.world"),
+    ("driving.places.room.world", "none", "driving.places.room.input"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "key"), WRONG_ROWS)
+def test_rows_that_contradict_each_other_are_refused(path, value, key):
     params = replaced({name: PARAMS[name] for name in PARTS}, path.split("."), value)
-    with pytest.raises(PedpredError, match=re.escape(f"configuration key {message}")):
+    with pytest.raises(ConfigError) as error:
         check_parts(params)
+    assert error.value.field == key
 
 
-@pytest.mark.parametrize("name", ["my place", "my.place", "my@place"])
+@pytest.mark.parametrize("name", ["my place", "my@place"])
 def test_a_row_whose_name_no_stage_can_have_is_refused(name):
     params = {part: PARAMS[part] for part in PARTS}
     params["places"] = params["places"] | {name: params["places"]["eth"]}
-    with pytest.raises(PedpredError, match=f"configuration key 'places' = '{name}': names of rows may have"):
+    with pytest.raises(ConfigError) as error:
         check_parts(params)
+    assert (error.value.field, error.value.value) == ("places", name)
 
 
-def test_a_folder_that_is_read_only_is_named_without_a_traceback(monkeypatch):
-    monkeypatch.chdir(ROOT)
-    refused = PermissionError(errno.EACCES, "Permission denied", "data/config.checked")
-    monkeypatch.setattr("pedpred.config.main", Mock(side_effect=refused))
-    with pytest.raises(SystemExit, match=r"'data/config\.checked'\. Nothing half-written was kept"):
-        main([])
-
-
-def test_a_value_on_the_command_line_is_refused_and_the_right_way_named(capsys, monkeypatch):
+def test_a_value_on_the_command_line_is_refused(capsys, monkeypatch):
     monkeypatch.chdir(ROOT)
     with pytest.raises(SystemExit):
         main(["features.beams=5"])
@@ -306,7 +266,7 @@ def test_an_edit_under_conf_without_make_params_ends_the_stage(tmp_path, monkeyp
     assert not Path(STAMP).exists()
 
 
-def test_a_wrong_value_of_an_experiment_does_not_stay_in_params_yaml(tmp_path, monkeypatch):
+def test_a_wrong_value_of_an_experiment_does_not_stay(tmp_path, monkeypatch):
     shutil.copytree(ROOT / "conf", tmp_path / "conf")
     monkeypatch.chdir(tmp_path)
     text = (ROOT / "params.yaml").read_text()
@@ -315,12 +275,6 @@ def test_a_wrong_value_of_an_experiment_does_not_stay_in_params_yaml(tmp_path, m
     with pytest.raises(SystemExit, match=r"training\.\w+\.lr"):
         main([])
     assert Path("params.yaml").read_text() == text != wrong
-
-
-def test_a_study_may_be_left_out():
-    params = {part: PARAMS[part] for part in PARTS}
-    params["folds"] = {study: folds for study, folds in params["folds"].items() if study != "transfer"}
-    check_parts(params)
 
 
 STAGES = [
@@ -332,29 +286,31 @@ STAGES = [
 
 
 @pytest.mark.parametrize(
-    ("stage", "arguments", "message"),
+    ("stage", "arguments", "wrong"),
     [
-        (evaluate, {"name": "lstn", "weights": "main"}, "'lstn': choose one of lstm_nogrid, lstm, "),
-        (evaluate, {"name": "lstm", "weights": "no"}, "'no': choose one of baselines, main, folds"),
-        (evaluate, {"name": "cv", "weights": "main"}, "'cv': choose one of lstm_nogrid, lstm, .*mixture$"),
-        (train, {"name": "lstm"}, "'lstm': choose one of lstm_corridor, lstm_main"),
-        (train, {"name": "lstm_main", "network": "mixture"}, "'mixture': choose one of lstm_nogrid, lstm$"),
-        (train, {"name": "lstm_folds", "fold": "no"}, "'no': choose one of without_eth"),
-        (eth_ucy_train, {"phase": "main"}, "'main': choose one of worlds, recorded$"),
+        (evaluate, {"name": "lstn", "weights": "main"}, "lstn"),
+        (evaluate, {"name": "lstm", "weights": "no"}, "no"),
+        (evaluate, {"name": "cv", "weights": "main"}, "cv"),
+        (train, {"name": "lstm"}, "lstm"),
+        (train, {"name": "lstm_main", "network": "mixture"}, "mixture"),
+        (train, {"name": "lstm_folds", "fold": "no"}, "no"),
+        (train, {"name": "lstm", "study": "literature"}, "lstm"),
     ],
 )
-def test_a_stage_says_which_rows_and_phases_it_knows(stage, arguments, message, tmp_path, monkeypatch):
+def test_a_stage_refuses_rows_and_phases_it_does_not_know(stage, arguments, wrong, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(PedpredError, match=message):
+    with pytest.raises(ConfigError) as error:
         stage.main.__wrapped__(OmegaConf.create(PARAMS | arguments))
+    assert error.value.value == wrong
 
 
 @pytest.mark.parametrize(("stage", "arguments", "part", "key", "value"), STAGES)
 def test_a_stage_refuses_a_value_outside_its_range_by_its_key(stage, arguments, part, key, value, tmp_path):
     cfg = OmegaConf.create(PARAMS | arguments | {"out": f"{tmp_path}/out", "curve": f"{tmp_path}/curve.tsv"})
     OmegaConf.update(cfg, f"{part}.{key}", value)
-    with pytest.raises(PedpredError, match=re.escape(f"configuration key '{part}.{key}' = {value}")):
+    with pytest.raises(ConfigError) as error:
         stage.main.__wrapped__(cfg)
+    assert (error.value.field, error.value.value) == (f"{part}.{key}", value)
     assert list(tmp_path.iterdir()) == []
 
 

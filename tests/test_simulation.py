@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from pedpred.report.simulation_page import walking_findings
-from pedpred.simulation.crowd import Clock, crowd_of
+from pedpred.simulation.crowd import crowd_of
 from pedpred.simulation.ground import ground_of
-from pedpred.simulation.kernel import advance
 from pedpred.simulation.layouts import draw_targets
 from pedpred.simulation.routing import routes_to
 from pedpred.simulation.settings import social_force_settings
@@ -20,7 +19,6 @@ from tests.simulated import (
     DRAWN,
     EMPTY_ROOM,
     SETTINGS,
-    SOCIAL_FORCE,
     drawn,
     pool,
     scene_of,
@@ -76,20 +74,6 @@ def test_halving_the_step_hardly_changes_a_noise_free_path():
     assert np.linalg.norm(coarse_path - fine_path, axis=-1).max() < 0.1
 
 
-@pytest.mark.parametrize("step_s", [0.1, 0.025])
-def test_the_spread_of_a_path_does_not_depend_on_the_step(step_s):
-    ground = ground_of(EMPTY_ROOM.occupancy())
-    routes = routes_to(np.array([[11.0, 4.0]]), ground, SETTINGS.routing)
-    every, hold = round(3.0 / step_s), round(SETTINGS.clock.noise_hold_s / step_s)
-    rng, ends = np.random.default_rng(0), []
-    for _ in range(400):
-        crowd = crowd_of([[2.0, 4.0]], [[1.3, 0.0]], [1.3], [[0]])
-        noise = rng.normal(0.0, 0.3, (30, 1, 2))
-        clock = Clock(step_s, every, every, hold)
-        ends.append(advance(crowd, noise, clock, ground, routes, SETTINGS.forces, 0.5)[0][-1, 0])
-    assert np.std(ends, axis=0)[1] == pytest.approx(0.0453, rel=0.1)
-
-
 def test_a_target_in_an_enclosed_corner_is_moved():
     occupancy = EMPTY_ROOM.occupancy()
     occupied = occupancy.occupied.copy()
@@ -102,13 +86,6 @@ def test_a_target_in_an_enclosed_corner_is_moved():
     assert 0.3 < np.linalg.norm(routes.target[0] - inside) < 1.0
 
 
-def test_desired_speeds_are_truncated():
-    speeds = draw_desired_speeds(2000, SETTINGS.crowd, np.random.default_rng(0))
-    least, most = SETTINGS.crowd.speed_range_mps
-    assert least <= speeds.min() < speeds.max() <= most
-    assert speeds.mean() == pytest.approx(1.34, abs=0.03)
-
-
 def test_plans_go_to_another_region_far_enough():
     targets = pool([0.0, 0.0], [1.0, 0.0], [12.0, 0.0])
     plans = draw_visiting_plans(targets, 5, 50, 10.0, np.random.default_rng(0))
@@ -119,25 +96,13 @@ def test_plans_go_to_another_region_far_enough():
 @pytest.mark.parametrize(
     ("path", "value"),
     [
-        ("clock.record_s", 0.32), ("clock.noise_hold_s", 0.01), ("clock.step_s", 0.15),
-        ("forces.relaxation_time_s", 0.04), ("crowd.speed_range_mps", [1.34, 1.34]),
-        ("crowd.speed_range_mps", [2.0, 3.0]), ("crowd.mean_speed_mps", -1.0), ("crowd.targets", 2.5),
-        ("forces.sight_half_angle_deg", 200.0), ("forces.unseen_weight", 1.5), ("routing.narrow_m", 0.9),
-        ("routing.slowest", 0.0), ("clock.magic", 1.0),
+        ("clock.record_s", 0.32),
+        ("clock.noise_hold_s", 0.01),
+        ("forces.relaxation_time_s", 0.04),
+        ("crowd.speed_range_mps", [2.0, 3.0]),
+        ("routing.narrow_m", 0.9),
     ],
-)  # fmt: skip
-def test_settings_out_of_range_are_named(path, value):
+)
+def test_settings_that_contradict_each_other_are_named(path, value):
     with refused(path):
         social_force_settings(with_field(path, value))
-
-
-@pytest.mark.parametrize("group", SOCIAL_FORCE)
-def test_missing_settings_are_named(group):
-    first, *_ = SOCIAL_FORCE[group]
-    less = {name: value for name, value in SOCIAL_FORCE[group].items() if name != first}
-    for settings in (
-        {**SOCIAL_FORCE, group: less},
-        {name: values for name, values in SOCIAL_FORCE.items() if name != group},
-    ):
-        with refused(group):
-            social_force_settings(settings)

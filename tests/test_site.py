@@ -7,7 +7,7 @@ import pytest
 
 from tests.conftest import ROOT
 
-PAGES = ("index.html", "recordings.html", "robot.html", "results.html", "data/eth.html", "api/online.html")
+PAGES = ("index.html", "recordings.html", "robot.html", "results.html", "data/real.html", "api/index.html")
 
 
 @pytest.fixture(scope="module")
@@ -18,6 +18,7 @@ def site(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_pages_fit_windows_and_are_searched_without_network(browser, site):
     page = browser.new_context(offline=True).new_page()
     problems = []

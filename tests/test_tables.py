@@ -1,7 +1,6 @@
 """Tables of tracks: every way to say what a table holds gives the same people; others are refused by line."""
 
 import gzip
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,19 +9,21 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pedpred.command import main
-from pedpred.errors import InputError, ValueRuleError
+from pedpred.errors import InputError
 from pedpred.reading import read_recording
 from pedpred.reading.options import UNITS, ReadOptions
 from pedpred.reading.table import TITLES
 from pedpred.scenes import Trajectories
 from pedpred.sources.scene_folder import read_folder
 from pedpred.storage.tracks import read_parquet_tracks, tracks_table, write_parquet_tracks
-from tests.scenes import assert_same, scenes
+from tests.refused import refused, unread
+from tests.scenes import assert_same
 
 ROWS = [(0.5 * k, who, 0.5 * k + who, -0.25 * k) for k in range(12) for who in (3, 7)]
 TRACKS = Trajectories([t for t, *_ in ROWS], [who for _, who, *_ in ROWS], [row[2:] for row in ROWS])
 HEADER = ("time", "id", "x", "y")
-FRAMES = [(int(2 * t), who, x, y) for t, who, x, y in ROWS]
+LABELS = ["pedestrian", "Child", "human.pedestrian.adult", "person_using_crutches", "wheelchair", "stroller"]
+EACH = settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def lines(separator=",", header=HEADER, rows=ROWS):
@@ -31,8 +32,8 @@ def lines(separator=",", header=HEADER, rows=ROWS):
 
 @pytest.fixture
 def write(tmp_path):
-    def written(content, name="walk.csv", encoding="utf-8"):
-        path = tmp_path / name
+    def written(content, encoding="utf-8"):
+        path = tmp_path / "walk.csv"
         path.write_bytes("\n".join([*content, ""]).encode(encoding))
         return path
 
@@ -41,17 +42,6 @@ def write(tmp_path):
 
 def people_in(path, **options):
     return read_recording(path, ReadOptions(**options)).scene.trajectories
-
-
-def refused(path, **options):
-    """The error for a file that is not read; it names the file."""
-    with pytest.raises(InputError) as error:
-        people_in(path, **options)
-    assert error.value.path == path
-    return error.value
-
-
-EACH = settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @given(st.data())
@@ -75,7 +65,7 @@ def test_any_spelling_is_the_same_people(write, data):
     encoding = data.draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "cp1252"]))
     comments = ["# Jülich"] * data.draw(st.integers(0, 2))
     options = {"decimal": decimal, "encoding": encoding if encoding == "cp1252" else None}
-    found = people_in(write([*comments, *content], encoding=encoding), **options)
+    found = people_in(write([*comments, *content], encoding), **options)
     np.testing.assert_allclose(found.time_s, TRACKS.time_s)
     np.testing.assert_allclose(found.position, TRACKS.position)
     np.testing.assert_array_equal(found.track_id, TRACKS.track_id)
@@ -88,18 +78,14 @@ def test_columns_may_be_named_by_title_or_by_position(write):
     for header in (None, ("a", "b", "c", "d", "e")):
         path = write(["# measured", *lines(" ", header, rows)])
         assert_same(people_in(path, columns=("id", "_", "y", "x", "time")), TRACKS)
-    assert "x=TITLE,y=TITLE" in str(refused(path, columns={"time": "a", "id": "b"}))
+    with unread(path, remedy="x=TITLE,y=TITLE"):
+        people_in(path, columns={"time": "a", "id": "b"})
 
 
-@pytest.mark.parametrize(
-    "comments",
-    [["# framerate: 2", "# id frame x/m y/m"], ["#fps=2"], ["# Frame rate 2.00"], ["# x [cm], 2 fps"]],
-)
+@pytest.mark.parametrize("comments", [["# framerate: 2", "# id frame x/m y/m"], ["# x [cm], 2 fps"]])
 def test_comments_say_rate_and_unit_of_frames(write, comments):
-    path = write([*comments, *lines(" ", None, [(who, k, x, y) for k, who, x, y in FRAMES])])
-    scale = 0.01 if "cm" in comments[0] else 1.0
-    found = people_in(path)
-    np.testing.assert_allclose(found.position, scale * TRACKS.position)
+    found = people_in(write([*comments, *lines(" ", None, [(w, int(2 * t), x, y) for t, w, x, y in ROWS])]))
+    np.testing.assert_allclose(found.position, (0.01 if "cm" in comments[0] else 1.0) * TRACKS.position)
     np.testing.assert_allclose(found.time_s, TRACKS.time_s)
 
 
@@ -109,23 +95,24 @@ def test_a_comment_may_be_the_header(write):
 
 def test_dates_of_iso_8601_are_seconds(write):
     days = pd.to_datetime(1_709_683_190 + np.array([row[0] for row in ROWS]), unit="s")  # through midnight
-    for text in (
-        days.astype(str),
-        days.strftime("%Y-%m-%dT%H:%M:%S.%fZ"),
-        days.tz_localize("UTC").astype(str),
-    ):
+    for text in (days.strftime("%Y-%m-%dT%H:%M:%S.%fZ"), days.tz_localize("UTC").astype(str)):
         found = people_in(write(lines(rows=[(d, *row[1:]) for d, row in zip(text, ROWS, strict=True)])))
         np.testing.assert_allclose(found.time_s - 1_709_683_190, TRACKS.time_s, atol=1e-6)
-    assert "ISO 8601" in str(refused(write(lines(rows=[("5.3.2024", *row[1:]) for row in ROWS]))))
+    path = write(lines(rows=[("5.3.2024", *row[1:]) for row in ROWS]))
+    with unread(path, remedy="ISO 8601"):
+        people_in(path)
 
 
 @pytest.mark.parametrize("suffix", [".parquet", ".feather"])
-def test_parquet_and_feather_are_tables(tmp_path, suffix):
+def test_parquet_and_feather_are_tables(tmp_path, suffix, monkeypatch):
     frame = pd.DataFrame(ROWS, columns=["time", "ped_id", "x [cm]", "y [cm]"]).assign(note="a")
     frame[["x [cm]", "y [cm]"]] *= 100
     path = tmp_path / f"walk{suffix}"
     (frame.to_parquet if suffix == ".parquet" else frame.to_feather)(path)
     np.testing.assert_allclose(people_in(path).position, TRACKS.position)
+    monkeypatch.setattr("pedpred.reading.text.MOST_NUMBERS", 20)
+    with unread(path, remedy="Divide the file"):
+        people_in(path)
 
 
 def test_a_table_may_be_compressed_with_gzip_within_a_bound(write, monkeypatch):
@@ -134,7 +121,8 @@ def test_a_table_may_be_compressed_with_gzip_within_a_bound(write, monkeypatch):
     packed.write_bytes(gzip.compress(path.read_bytes()))
     assert_same(people_in(packed), TRACKS)
     monkeypatch.setattr("pedpred.reading._LARGEST_BYTES", 100)
-    refused(packed)
+    with unread(packed):
+        people_in(packed)
 
 
 def test_a_folder_may_hold_one_person_per_file(tmp_path):
@@ -145,9 +133,8 @@ def test_a_folder_may_hold_one_person_per_file(tmp_path):
     assert recording.names.of_number == {0: "walker_3", 1: "walker_7"}
     np.testing.assert_array_equal(recording.scene.trajectories.time_s, TRACKS.time_s)
     (tmp_path / "walker_8.csv").write_text("timestamp,x,y\n0,1,left\n")
-    with pytest.raises(InputError) as error:
+    with unread(tmp_path / "walker_8.csv", 2):
         read_recording(tmp_path, ReadOptions(one_person_per_file=True))
-    assert (error.value.path, error.value.where) == (tmp_path / "walker_8.csv", 2)
 
 
 # Rows: ids, classes, copies, missing ones
@@ -155,8 +142,7 @@ def test_a_folder_may_hold_one_person_per_file(tmp_path):
 
 def test_ids_may_be_words_and_are_numbered_as_they_appear(write):
     called = {3: "Helmet_1", 7: "01"}
-    path = write(lines(rows=[(t, called[who], x, y) for t, who, x, y in ROWS]))
-    recording = read_recording(path)
+    recording = read_recording(write(lines(rows=[(t, called[who], x, y) for t, who, x, y in ROWS])))
     assert recording.names.of_number == {0: "Helmet_1", 1: "01"}
     np.testing.assert_array_equal(recording.scene.trajectories.position, TRACKS.position)
 
@@ -171,19 +157,12 @@ def test_ids_of_64_bits_are_exact_in_text_and_parquet(write, tmp_path, ids):
     assert sorted(set(people_in(tmp_path / "walk.parquet").track_id.tolist())) == sorted(ids)
 
 
-def test_rows_that_are_no_detections_are_dropped_with_a_warning(write, caplog):
+def test_rows_that_are_no_detections_are_dropped(write, caplog):
     assert_same(people_in(write([*lines(), "9,3,,", "9,,1,1", "9,-1,1,1", lines()[1], ",,,"])), TRACKS)
-    assert len(caplog.records) == 4
-    assert all(f"line {line}" in caplog.text for line in range(26, 30))
+    assert [record.levelname for record in caplog.records] == ["WARNING"] * 4
 
 
-LABELS = ["pedestrian", "Child", "human.pedestrian.adult", "person_using_crutches", "wheelchair", "stroller"]
-
-
-@given(
-    st.lists(st.sampled_from(LABELS), min_size=1, max_size=3),
-    st.sampled_from(["bicycle", "e-scooter", "Car"]),
-)
+@given(st.lists(st.sampled_from(LABELS), min_size=1, max_size=3), st.sampled_from(["bicycle", "Car"]))
 @EACH
 def test_other_road_users_than_people_are_left_out(write, labels, other):
     rows = [(*row, labels[k % len(labels)]) for k, row in enumerate(ROWS)]
@@ -196,9 +175,12 @@ def test_other_road_users_than_people_are_left_out(write, labels, other):
 
 def test_classes_that_are_no_words_for_people_are_named(write):
     path = write(lines(",", (*HEADER, "type"), [(*row, row[1]) for row in ROWS]))
-    assert "--class" in str(refused(path))
+    with unread(path, remedy="--class"):
+        people_in(path)
     assert set(people_in(path, classes=("7",)).track_id) == {7}
-    assert "--columns class=TITLE" in str(refused(write(lines()), classes=("7",)))
+    path = write(lines())
+    with unread(path, remedy="--columns class=TITLE"):
+        people_in(path, classes=("7",))
 
 
 # Errors name file, line and remedy
@@ -209,27 +191,26 @@ def test_classes_that_are_no_words_for_people_are_named(write):
 def test_a_row_with_a_value_too_many_or_too_few_is_named(write, row, many, separator):
     content = lines(separator)
     content[row] = f"{content[row]}{separator}9" if many else content[row].rpartition(separator)[0]
-    assert refused(write(content)).where == row + 1
+    path = write(content)
+    with unread(path, row + 1):
+        people_in(path)
 
 
 @pytest.mark.parametrize(
     ("content", "line", "remedy"),
     [
         ("time,id,x\n0,1,2\n", None, "--columns y=TITLE"),
-        ("t~who~x~y\n0~1~2~3\n", None, "--columns time=TITLE,"),
         ("time,id,x,y,x\n0,1,2,3,4\n", None, "--columns time,id,x,y"),
         ("x_cm,y_m,id,t\n0,1,2,3\n", None, "titles"),
         ("time,id,x,y\n0,1,2,left\n", 2, "line"),
         ("time;id;x;y\n0;1;2,5;3\n", 2, "--decimal ,"),
         ("time,id,x,y\n0,1,inf,3\n", 2, "line"),
-        ("time,id,x,y\n0,1,1_0,3\n", 2, "line"),
         ("time,id,x,y\n0,1.5,2,3\n", None, "--columns id=TITLE"),
         ("time,id,x,y\n0,,2,3\n", None, "--columns id=TITLE"),
         ("time,id,x,y\n,1,2,3\n", 2, "Correct"),
         ("# fps: 5\nframe,id,x,y\n0.5,1,2,3\n", 3, "Correct"),
         ("frame,id,x,y\n0,1,2,3\n", None, "--rate"),
         ("time,id,x,y\n0,1,2,3\n1,1,2,3\n0,1,2,4\n", 4, "--columns id=TITLE"),
-        ("time,id,x,y\n0,1,2,3\n", None, "--columns id=TITLE"),
         ("time,id,x,y\n", None, "Name a file with tracks"),
         ("0,1,2\n", None, "--delimiter"),
         ("time,id,x,y\n0,1,2," + "3" * 2**21, None, "Correct"),
@@ -239,9 +220,8 @@ def test_a_row_with_a_value_too_many_or_too_few_is_named(write, row, many, separ
 def test_an_error_names_the_line_and_the_remedy(tmp_path, content, line, remedy):
     path = tmp_path / "walk.csv"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    error = refused(path)
-    assert error.where == line
-    assert remedy in str(error)
+    with unread(path, line, remedy):
+        people_in(path)
 
 
 @pytest.mark.parametrize(
@@ -259,39 +239,29 @@ def test_an_error_names_the_line_and_the_remedy(tmp_path, content, line, remedy)
     ],
 )
 def test_options_are_checked(wrong):
-    with pytest.raises(ValueRuleError) as error:
+    with refused(next(iter(wrong))):
         ReadOptions(**wrong)
-    assert error.value.field == next(iter(wrong))
 
 
-def test_rows_are_bounded(write, monkeypatch, tmp_path):
-    pd.DataFrame(ROWS, columns=HEADER).to_parquet(tmp_path / "walk.parquet")
-    pd.DataFrame(ROWS, columns=HEADER).to_feather(tmp_path / "walk.feather")
+def test_rows_are_bounded(write, monkeypatch):
+    path = write(lines())
     monkeypatch.setattr("pedpred.reading.text.MOST_NUMBERS", 20)
-    for path in (write(lines()), tmp_path / "walk.parquet", tmp_path / "walk.feather"):
-        assert "Divide the file" in str(refused(path))
+    with unread(path, remedy="Divide the file"):
+        people_in(path)
 
 
 # Scene folders and their tables
 
 
-@given(scenes())
-@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_parquet_there_and_back(tmp_path, scene):
-    write_parquet_tracks(scene.trajectories, tmp_path / "tracks.parquet")
-    assert_same(read_parquet_tracks(tmp_path / "tracks.parquet"), scene.trajectories)
-
-
 def test_other_stored_columns_are_not_decoded(tmp_path):
     """A small file with a dictionary column that would fill the memory."""
-    table = tracks_table(TRACKS)
+    path, table = tmp_path / "tracks.parquet", tracks_table(TRACKS)
     note = pd.Categorical(["a" * 2**20] * len(TRACKS))
-    table.assign(note=note, fields=[[1]] * len(TRACKS)).to_parquet(tmp_path / "tracks.parquet")
-    assert_same(read_parquet_tracks(tmp_path / "tracks.parquet"), TRACKS)
-    table.assign(x_m=table.x_m.astype(str)).to_parquet(tmp_path / "tracks.parquet")
-    with pytest.raises(InputError) as error:
-        read_parquet_tracks(tmp_path / "tracks.parquet")
-    assert error.value.where == "column x_m"
+    table.assign(note=note, fields=[[1]] * len(TRACKS)).to_parquet(path)
+    assert_same(read_parquet_tracks(path), TRACKS)
+    table.assign(x_m=table.x_m.astype(str)).to_parquet(path)
+    with unread(path, "column x_m"):
+        read_parquet_tracks(path)
 
 
 def test_stored_rows_are_bounded_before_they_are_decoded(tmp_path, monkeypatch):
@@ -302,44 +272,17 @@ def test_stored_rows_are_bounded_before_they_are_decoded(tmp_path, monkeypatch):
         read_parquet_tracks(tmp_path / "tracks.parquet")
 
 
-@pytest.fixture
-def own(write, tmp_path):
-    """A scene folder with a table of tracks."""
-    main(["convert", str(write(lines())), "-o", str(tmp_path / "own")])
-    (tmp_path / "own/tracks.parquet").unlink()
-    (tmp_path / "own/tracks.csv").write_text("\n".join(lines()))
-    return tmp_path / "own"
-
-
-def test_the_clock_of_a_folder_of_ones_own_is_checked_too(own):
+def test_a_folder_with_a_table_is_checked_and_stays(write, tmp_path):
+    """Converted into itself, later corrections of the table would lose against what was converted."""
+    own = tmp_path / "own"
+    main(["convert", str(write(lines())), "-o", str(own)])
+    (own / "tracks.parquet").unlink()
+    (own / "tracks.csv").write_text("\n".join(lines()))
     assert_same(read_folder(own, "mine", {}).trajectories, TRACKS)
+    before = {path.name: path.read_bytes() for path in own.iterdir()}
+    with pytest.raises(SystemExit):
+        main(["convert", str(own), "-o", str(own), "--force"])
+    assert {path.name: path.read_bytes() for path in own.iterdir()} == before
     (own / "tracks.csv").write_text("\n".join(lines(rows=[(1000 * t, *rest) for t, *rest in ROWS])))
     with pytest.raises(InputError):
         read_folder(own, "mine", {})
-
-
-def test_a_folder_with_a_table_is_not_converted_into_itself(own):
-    """Otherwise later corrections of the table would lose against what was converted."""
-    before = {path.name: path.read_bytes() for path in own.iterdir()}
-    with pytest.raises(SystemExit, match="own"):
-        main(["convert", str(own), "-o", str(own), "--force"])
-    assert {path.name: path.read_bytes() for path in own.iterdir()} == before
-
-
-@pytest.mark.parametrize("command", ["convert", "predict"])
-def test_a_layout_beside_a_recording_is_not_overwritten(write, tmp_path, command):
-    (tmp_path / "out.foxglove.json").write_text("precious")
-    with pytest.raises(SystemExit, match="--force"):
-        main([command, str(write(lines())), "-o", str(tmp_path / "out.mcap")])
-    assert (tmp_path / "out.foxglove.json").read_text() == "precious"
-    assert not (tmp_path / "out.mcap").exists()
-
-
-@pytest.mark.parametrize(
-    ("command", "name"),
-    [("convert", "x.csv"), ("predict", "x"), ("predict", "x.xlsx"), ("convert", "hall.v2")],
-)
-def test_the_name_of_an_output_says_what_it_is(write, tmp_path, command, name):
-    with pytest.raises(SystemExit, match=r"\.mcap"):
-        main([command, str(write(lines())), "-o", str(tmp_path / name)])
-    assert not Path(tmp_path / name).exists()

@@ -1,4 +1,4 @@
-"""Tools and benchmarks start, check their arguments before any work, and read and sum up what is there."""
+"""Tools and benchmarks start, check their arguments before any work, and sum up what is there."""
 
 import argparse
 import importlib
@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from benchmarks import robustness, tables
 from pedpred.errors import InputError
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.storage.scenes import write_scene
@@ -31,7 +32,7 @@ OF_A_PROJECT = [
 
 
 @pytest.mark.parametrize("module", COMMANDS)
-def test_a_command_starts_and_names_its_module(module, monkeypatch, capsys):
+def test_command_starts_and_names_its_module(module, monkeypatch, capsys):
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr("sys.argv", [module, "--help"])
     if "no_arguments(" in COMMANDS[module]:
@@ -46,12 +47,12 @@ def test_a_command_starts_and_names_its_module(module, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("command", OF_A_PROJECT, ids=" ".join)
-def test_outside_of_a_project_a_tool_ends_with_one_error(command, monkeypatch, tmp_path):
+def test_tool_outside_of_a_project_ends_with_one_error(command, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.argv", list(command))
-    with pytest.raises(SystemExit) as exit_of:
+    with pytest.raises(SystemExit) as ended:
         importlib.import_module(f"tools.{command[0]}").main()
-    assert str(exit_of.value).count("Error: ") == 1
+    assert str(ended.value).count("Error: ") == 1
     assert list(tmp_path.iterdir()) == []
 
 
@@ -64,14 +65,14 @@ def test_outside_of_a_project_a_tool_ends_with_one_error(command, monkeypatch, t
         (arguments.output, ROOT / "new/figures.json", [str(ROOT)]),
     ],
 )
-def test_arguments_out_of_range_are_refused(kind, value, wrong):
+def test_argument_out_of_range_is_refused(kind, value, wrong):
     assert kind(str(value)) == value
     for text in wrong:
         with pytest.raises(argparse.ArgumentTypeError):
             kind(text)
 
 
-def test_columns_have_the_checksum_of_their_values(tmp_path):
+def test_checksum_of_a_column_is_of_its_values(tmp_path):
     columns = {"text": ["a", "b"], "gaps": [True, None], "lists": [[1], [2, 3]], "bytes": [b"a", b"bc"]}
     digests = []
     for name in ("one", "other", "changed"):
@@ -101,3 +102,26 @@ def test_recordings_are_places_with_people_or_files(tmp_path, monkeypatch):
     (scene,) = recordings([Path("walk.csv")], 10.0)
     assert scene.detection_dt_s == pytest.approx(0.1)
     assert describe_motion("hotel", [missing])["instants"] == 0
+
+
+# Benchmarks
+
+
+def test_table_is_written_between_its_marks(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("<!-- table: noise -->\nold\n<!-- end -->\n<!-- table: bias -->\nold\n<!-- end -->\n")
+    tables.write_tables(page, {"noise": [{"place": "a|b", "m": 0.5}], "bias": []})
+    assert page.read_text() == (
+        "<!-- table: noise -->\n| place | m |\n| --- | ---: |\n| a\\|b | 0.500 |\n<!-- end -->\n"
+        "<!-- table: bias -->\nold\n<!-- end -->\n"
+    )
+
+
+def test_robustness_finds_larger_errors_with_more_noise(monkeypatch, model):
+    monkeypatch.setattr(robustness, "NOISES_M", (0.0, 0.1))
+    shown = []
+    monkeypatch.setattr(robustness, "show", lambda _, rows: shown.extend(rows))
+    robustness.main(["noise", str(ROOT / "examples/corner/walk.txt"), "--model", str(model[0])])
+    ((place, exact, noisy),) = (row.values() for row in shown)
+    assert place == "walk"
+    assert float(exact.split()[0]) < float(noisy.split()[0])

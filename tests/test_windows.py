@@ -8,7 +8,7 @@ import pytest
 from pedpred.baselines.registry import BASELINES
 from pedpred.baselines.social_force import people_present
 from pedpred.errors import ValueRuleError
-from pedpred.evaluation import EvaluationSettings, measure, summarise_methods
+from pedpred.evaluation import EvaluationSettings, measure
 from pedpred.evaluation.windows import find_windows, request_about
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
@@ -18,7 +18,7 @@ from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings
 from tests.exported import TRACKER, forecaster_of
 from tests.simulated import SETTINGS as WALKING
-from tests.worlds import empty_map, jittered, walled_scene
+from tests.worlds import empty_map, jittered
 
 KALMAN = Perception(TRACKER, 0.2)
 SETTINGS = EvaluationSettings(bootstrap=10)
@@ -46,12 +46,11 @@ def without(scene, gone):
     return dataclasses.replace(scene, trajectories=scene.trajectories.select(~gone))
 
 
-@pytest.mark.parametrize("of_each", ["frame", "detection"])
-def test_jittered_detections_keep_their_windows(model, of_each):
+def test_jittered_detections_keep_their_windows(model):
     folder, network, encoder = model
     on_clock = walked(0.3)
     rare = walked(1 / 2.4)
-    noisy = jittered(rare, 0.02, np.random.default_rng(0), of_each)
+    noisy = jittered(rare, 0.02, np.random.default_rng(0), "detection")
     for scene in (on_clock, rare, noisy):
         windows = windows_of(scene)
         request = windows.request
@@ -65,48 +64,16 @@ def test_jittered_detections_keep_their_windows(model, of_each):
     assert len(asked(noisy).rows) == pytest.approx(len(asked(rare).rows), rel=0.01)
 
 
-def test_there_is_no_truth_across_a_gap():
-    """Nobody is seen for 1.2 s: horizons that cross it are no windows; people and their memory stay."""
-    scene = walked(0.4)
-    gone = np.abs(scene.trajectories.time_s - 15.0) < 0.5
-    whole = asked(scene).asked
-    windows = windows_of(without(scene, gone))
-    request = windows.request
-    crossing = (whole.time_s > 14.4 - 3.0 + 1e-6) & (whole.time_s < 15.6 - 1e-6)
-    assert set(request.asked.time_s) == set(whole.time_s[~crossing])
-    lost = int(crossing.sum()) - int(gone.sum())
-    scores = measure(windows, {"cv": BASELINES["cv"]()}, SETTINGS)
-    figures = summarise_methods(scores, "cv", SETTINGS)["cv"]
-    assert figures["eligible"] - figures["windows"] == lost > 0
-
-
 def test_a_recording_slower_than_truth_allows_is_refused():
     with pytest.raises(ValueRuleError):
         asked(walked(0.8))
     assert len(asked(walked(0.8), ForecastProtocol(truth_gap_s=1.0)).rows) > 50
 
 
-def test_gaps_of_the_sensor_are_no_gaps_of_the_truth():
-    scene = walled_scene(np.random.default_rng(0), 0.1, detections=120, truth=True)
-    drops = Perception(TRACKER, 0.2, SensorSettings(drop_out_share=0.5))
-    scores = measure(windows_of(scene, how=drops), {"cv": BASELINES["cv"]()}, SETTINGS)
-    assert scores["cv"].without_truth == 0
-    assert len(scores["cv"].track) > 100
-
-
-def test_resampled_tracks_are_seen_on_the_clock():
-    """Protocol `paper`: every window is a step."""
-    request = asked(walked(0.4), NONCAUSAL)
-    assert request.tracker is None
-    np.testing.assert_allclose(request.asked.time_s, 0.3 * np.round(request.asked.time_s / 0.3), atol=1e-9)
-    np.testing.assert_allclose(request.table.time_s, request.steps.time_s, atol=1e-6)
-
-
-@pytest.mark.parametrize("of_each", ["frame", "detection"])
-def test_everybody_moves_along_once_at_every_instant(of_each):
+def test_everybody_moves_along_once_at_every_instant():
     """With a time stamp for each detection, all others are extrapolated, not forgotten."""
     scene = walked(0.4)
-    request = asked(jittered(scene, 0.02, np.random.default_rng(1), of_each))
+    request = asked(jittered(scene, 0.02, np.random.default_rng(1), "detection"))
     people, answers = people_present(request)
     seen, own = request.asked, np.unique(request.asked.time_s)
     for name in ("track_id", "time_s", "position"):
@@ -127,8 +94,3 @@ def test_an_empty_recording_is_perceived(sizes, sensor):
     how = Perception(TRACKER, 0.2, sensor)
     request = request_about(nobody, how, sizes, nobody.trajectories, memory=True)
     assert len(request.table) == len(request.steps) == len(request.rows) == 0
-
-
-def test_a_recurrent_forecaster_without_steps_says_so(model):
-    with pytest.raises(ValueRuleError):
-        forecaster_of(*model[1:])(dataclasses.replace(asked(walked(0.4)), clock=None))

@@ -24,6 +24,7 @@ from pedpred.workers import in_parallel
 from stages.rows import scene_steps, write_file
 from stages.simulate import simulate_into
 from tests.exported import LSTM_ROWS
+from tests.refused import refused
 from tests.simulated import SETTINGS, short
 from tests.worlds import walled_scene
 
@@ -81,17 +82,15 @@ def test_results_come_in_the_order_of_the_tasks(monkeypatch):
     assert in_parallel(subprocess.getoutput, tasks, "wait", "task") == ["slow", "fast", "last"]
 
 
-@pytest.fixture
-def cluster():
-    with LocalCluster(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as running:
-        yield running
-
-
-def test_a_dask_cluster_gives_the_same_bytes(alone, cluster, tmp_path, monkeypatch):
+def test_a_dask_cluster_gives_the_same_bytes(alone, tmp_path, monkeypatch):
     monkeypatch.setenv("PEDPRED_BACKEND", "dask")
-    with dask.config.set({"scheduler-address": cluster.scheduler_address}):  # as $DASK_SCHEDULER_ADDRESS does
+    how = {"n_workers": 2, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    with (
+        LocalCluster(**how) as cluster,
+        dask.config.set({"scheduler-address": cluster.scheduler_address}),  # as $DASK_SCHEDULER_ADDRESS does
+    ):
         assert simulated_into(tmp_path) == alone
-    assert sum(worker.state.executed_count for worker in cluster.workers.values()) >= 3
+        assert sum(worker.state.executed_count for worker in cluster.workers.values()) >= 3
 
 
 def subclasses(kind):
@@ -109,27 +108,22 @@ def test_an_error_crosses_the_border_of_a_process(kind):
 
 
 @pytest.mark.parametrize("jobs", ["0", "-3", "abc", "1e9", "100000"])
-def test_a_number_of_jobs_that_is_none_is_named(jobs, monkeypatch):
+def test_a_wrong_number_of_jobs_is_refused(jobs, monkeypatch):
     monkeypatch.setenv("PEDPRED_JOBS", jobs)
-    with pytest.raises(errors.ValueRuleError, match=rf"PEDPRED_JOBS = '{jobs}', but .* from 1 to"):
+    with refused("$PEDPRED_JOBS"):
         in_parallel(print, [()], "nothing", "task")
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere", "abacus://1:1"])
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "abacus://1:1"])
 def test_a_cluster_that_does_not_answer_is_named(address, monkeypatch):
     monkeypatch.setenv("PEDPRED_BACKEND", "dask")
     monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", address)
     quick = {"scheduler-address": address, "distributed.comm.timeouts.connect": "100ms"}
-    said = f"{address}.*no scheduler answers"
-    with (
-        dask.config.set(quick),
-        pytest.raises(errors.ValueRuleError, match=said),
-    ):
+    with dask.config.set(quick), refused("$DASK_SCHEDULER_ADDRESS"):
         in_parallel(print, [()], "nothing", "task")
 
 
-def test_a_backend_that_does_not_exist_is_named(monkeypatch):
+def test_an_unknown_backend_is_refused(monkeypatch):
     monkeypatch.setenv("PEDPRED_BACKEND", "abacus")
-    named = "PEDPRED_BACKEND = 'abacus', but it must be unset or dask"
-    with pytest.raises(errors.ValueRuleError, match=named):
+    with refused("$PEDPRED_BACKEND"):
         in_parallel(print, [()], "nothing", "task")

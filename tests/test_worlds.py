@@ -12,15 +12,13 @@ from pedpred.simulation.worlds import (
     DRAWN_KINDS,
     Area,
     draw_sensor,
-    sense_world,
     simulate_world,
 )
-from pedpred.simulation.worlds.floors import close_openings, ground_cells
+from pedpred.simulation.worlds.floors import ground_cells
 from pedpred.simulation.worlds.heads import Sway, move_to_heads
 from pedpred.simulation.worlds.journeys import form_groups, single
 from pedpred.simulation.worlds.models import draw_model
 from pedpred.simulation.worlds.people import draw_traits
-from pedpred.simulation.worlds.views import draw_view
 from pedpred.simulation.worlds.walking import SPEED_CAP, FixedWorld
 from pedpred.simulation.worlds.world import draw_routes, record_walking
 from tests.scenes import assert_same
@@ -29,7 +27,6 @@ from tests.simulated import SENSING, WORLDS, short_worlds
 OPEN = short_worlds(20.0, warm_up_s=8.0)
 SETTINGS = replace(OPEN, room=replace(OPEN.room, closed_share=0.0))
 SEEDS = range(4)
-EVERYTHING = Area(np.full(2, -1e9), np.full(2, 1e9))
 
 
 @pytest.fixture(scope="module")
@@ -84,15 +81,6 @@ def test_who_leaves_before_the_end_is_at_a_goal(kind, worlds):
     assert max(left) < 1.0 + 0.3  # the reach, and a step until the next record
 
 
-def test_people_in_rooms_stay_and_visit_places(worlds):
-    changes = 0
-    for seed in SEEDS:
-        everybody = tracks(worlds["room", seed].trajectories)
-        assert {len(track) for track in everybody} == {round(SETTINGS.room.duration_s / 0.1)}
-        changes += sum((np.diff(track.goal, axis=0) != 0).any(axis=1).sum() for track in everybody)
-    assert changes > 3
-
-
 def lone(**changes):
     """The tracks of a world of lone people."""
     settings = replace(SETTINGS, lone=replace(SETTINGS.lone, people=200, **changes))
@@ -114,13 +102,6 @@ def test_lone_people_turn_as_fast_as_their_range_says():
     assert (turn[:, 15:] * turn[:, :-15]).mean() / turn.var() == pytest.approx(np.exp(-1.0), abs=0.08)
 
 
-def test_lone_people_halt_as_their_ranges_say():
-    own = {"halt_rate_hz": (0.1, 0.1), "halt_s": (5.0, 5.0), "unsteady": (1e-6, 1e-6), "standing_share": 0.0}
-    everybody = lone(straight_share=0.0, halting_share=1.0, **own)
-    slow = [np.linalg.norm(track.velocity, axis=1) < 0.5 * track.desired_speed_mps for track in everybody]
-    assert np.mean(slow) == pytest.approx(0.1 * 5.0 / (1 + 0.1 * 5.0), abs=0.05)
-
-
 def test_people_pass_openings_that_a_map_shows_closed(worlds):
     settings = replace(OPEN, room=replace(OPEN.room, closed_share=1.0, closed_m=(2.0, 2.0)))
     passed = 0
@@ -129,17 +110,6 @@ def test_people_pass_openings_that_a_map_shows_closed(worlds):
         assert coarse.occupancy.occupied[truth.occupancy.occupied].all()
         passed += coarse.occupancy.is_occupied(coarse.trajectories.position).sum()
     assert passed > 10
-
-
-@pytest.mark.parametrize(("width", "closed"), [(0.6, True), (1.4, False)])
-def test_openings_are_closed_that_are_narrower_than_the_width(width, closed):
-    free = ground_cells((10.0, 6.0), True)
-    free[48:52] = False
-    free[48:52, 20 : 20 + round(width * 10)] = True
-    occupied = close_openings(~free, 1.1)
-    assert occupied[50, 20 + round(width * 5)] == closed
-    assert not occupied[:40].any()
-    assert not occupied[60:].any()
 
 
 # Walking
@@ -239,13 +209,6 @@ def test_groups_stay_together(collision_free):
     assert np.quantile(np.concatenate(apart), 0.95) < 2.5
 
 
-def test_standing_people_stay_and_walk_off_in_time():
-    (track,) = tracks(one_way(0.025, False, standing_s=10.0))
-    moved = np.linalg.norm(track.position - track.position[30], axis=1)  # walls push at first
-    assert moved[(track.time_s > 3) & (track.time_s < 9.9)].max() < 0.05
-    assert moved[track.time_s > 20].min() > 5.0
-
-
 # Sensors
 
 
@@ -286,12 +249,6 @@ def test_noise_and_drop_outs_are_as_set():
     assert len(seen.trajectories) == pytest.approx(0.9 * 40 * 300, rel=0.02)
     instants = np.unique(seen.trajectories.time_s)
     assert 0.15 < np.diff(instants).min() < np.diff(instants).max() < 0.25
-
-
-def test_coordinates_are_rounded_to_the_quantum():
-    seen = sense(parade(), 3, quantum_m=0.05, position_noise_m=0.1)
-    steps = seen.trajectories.position / 0.05
-    np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
 
 
 def test_people_are_born_late_by_at_most_what_is_set():
@@ -335,19 +292,6 @@ def test_heads_sway_beside_the_way_and_drift():
     np.testing.assert_allclose(stands.trajectories.position, body.trajectories.position)
 
 
-def test_a_sensed_world_knows_the_heads_of_whom_it_sees(worlds):
-    settings = replace(SENSING, sway_share=1.0, noisy_share=0.0)
-    seen, heads = sense_world(worlds["corridor", 2], EVERYTHING, settings, np.random.default_rng(8))
-    truth = {track.track_id[0]: track for track in tracks(heads.trajectories)}
-    rows = seen.trajectories
-    assert len(rows) > 100
-    true_x = [
-        np.interp(time_s, truth[person].time_s, truth[person].position[:, 0])
-        for time_s, person in zip(rows.time_s, rows.person_id, strict=True)
-    ]
-    assert np.abs(rows.position[:, 0] - true_x).max() < 0.08  # noise of 5 mm, and half of the largest quantum
-
-
 def test_drawn_sensors_stay_in_their_ranges_and_repeat():
     draws = [draw_sensor(SENSING, np.random.default_rng(n)) for n in range(200)]
     assert draws[3] == draw_sensor(SENSING, np.random.default_rng(3))
@@ -355,14 +299,3 @@ def test_drawn_sensors_stay_in_their_ranges_and_repeat():
     least, most = SENSING.noise_m
     assert all(least <= own.position_noise_m <= most and own.drop_out_share <= 0.12 for own, _ in draws)
     assert 0.3 < np.mean([sensor.switch_share == 0 for sensor, _ in draws]) < 0.8
-
-
-def test_a_view_cuts_the_ends_off(worlds):
-    occupancy = worlds["corridor", 0].occupancy
-    view = draw_view(
-        occupancy,
-        replace(SENSING.views["corridor"], cut_x_m=(1.0, 1.0), cut_y_m=(2.0, 2.0)),
-        np.random.default_rng(0),
-    )
-    np.testing.assert_allclose(view.low, occupancy.origin + np.array([1.0, 2.0]))
-    np.testing.assert_allclose(view.high, occupancy.origin + occupancy.extent_m - np.array([1.0, 2.0]))

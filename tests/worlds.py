@@ -46,15 +46,6 @@ def blocked(where):
     return replace(room, occupied=occupied)
 
 
-def squares(rng, count):
-    """Packed crops of 60 x 60 cells with one square each."""
-    cells = np.zeros((count, 60, 60), np.uint8)
-    for crop in cells:
-        x, y = rng.integers(0, 40, 2)
-        crop[x : x + 20, y : y + 20] = 1
-    return np.packbits(cells.reshape(count, -1), axis=-1, bitorder="little")
-
-
 def wandering(rng, tracks=4, detections=40, dt_s=0.4, noise_m=0.05, truth=False):
     """Smooth random walks that begin and end at different times, detected with noise."""
     times, ids, positions, velocities = [], [], [], []

@@ -59,10 +59,9 @@ SCOPE = (
 )
 """Folders and files of pedpred that are changed."""
 TESTS = (
-    *("calibration", "comparison", "displacement", "evaluation", "evaluation_memory"),
-    *("features", "instant_training", "learning", "matching", "measures", "mixture", "noise"),
-    *("predictions", "reduction", "regions", "selection", "surroundings", "tracking", "trust"),
-    *("uncertainty", "windows"),
+    *("comparison", "displacement", "evaluation", "evaluation_memory", "features", "learning"),
+    *("matching", "noise", "predictions", "reduction", "regions", "selection", "tracking", "trust"),
+    "windows",
 )
 """Modules of tests that hold laws and values of the core, besides tests/by_hand."""
 WORK, REPORT, REASONS = (

@@ -20,7 +20,7 @@ import pandas as pd
 
 from pedpred.config import config_errors, plain, read_params
 from pedpred.files import write_text
-from pedpred.report.document import Cell, Row, Table
+from pedpred.report.document import NOTHING, Cell, Row, Table
 from pedpred.report.literature import literature_tables, read_published
 from pedpred.report.methods import Method, Methods
 from pedpred.report.results import figure_of, metrics_now, read_metrics, results_frame
@@ -137,9 +137,26 @@ def pages(root: Path) -> dict[Path, str]:
     if literature := metrics_now(root / "reports/metrics").get("literature"):
         frame, published = results_frame({"literature": literature}), read_published(root)
         beside = literature_tables(frame, published, methods)
-        tables |= {name: table.markdown("") for name, table in beside.items()}
+        means = mean_errors(beside["literature_one"], beside["literature_best"])
+        tables["literature"] = means.markdown("")
     files = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
     return {path: filled(text, tables) for path in files if _MARKED.search(text := path.read_text())}
+
+
+def mean_errors(one: Table, best: Table) -> Table:
+    """Join the mean errors, columns 1 and 2, of one forecast and of the best of 20; a row per method."""
+    errors: dict[str, list[Cell]] = {}
+    for column, table in ((0, one), (2, best)):
+        for name, *means in (row.cells[:3] for row in table.rows):
+            cells = errors.setdefault(name.text, [Cell(NOTHING)] * 4)
+            cells[column : column + 2] = means
+    body = [
+        Row([Cell(name), *cells])
+        for name, cells in errors.items()
+        if any(cell.text != NOTHING for cell in cells)
+    ]
+    titles = [f"{figure}, {which}" for which in ("one forecast", "best of 20") for figure in ("ADE", "FDE")]
+    return Table(["mean error of the five scenes, m", *titles], body)
 
 
 def lacking(folds: Mapping[str, Any], studies: Mapping[str, Any]) -> list[str]:

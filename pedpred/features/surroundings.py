@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -48,6 +49,10 @@ class Pedestrians:
         return len(self.track_id)
 
 
+def _unknown(rows: np.ndarray) -> Past:
+    raise ValueRuleError("past_of", len(rows), "the past of these people is not known")
+
+
 @dataclass(frozen=True)
 class Neighbours:
     """All pedestrians, grouped by instant; each observer uses the rows of its own instant.
@@ -57,19 +62,23 @@ class Neighbours:
         position: world frame, m. [C, 2]
         velocity: world frame, m/s. [C, 2]
         span: rows [first, last) of each observer's instant. [Q, 2]
+        past_of: the past of some rows [R], looked up where a model asks for it. R people
     """
 
     track_id: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
     span: np.ndarray
+    past_of: Callable[[np.ndarray], Past] = _unknown
 
     @classmethod
-    def of_crowd(cls, present: Pedestrians, observers: int) -> Neighbours:
+    def of_crowd(
+        cls, present: Pedestrians, observers: int, past_of: Callable[[np.ndarray], Past] = _unknown
+    ) -> Neighbours:
         """Everybody present at one instant, the same for all observers."""
         span = np.empty((observers, 2), np.int64)
         span[:] = 0, len(present)
-        return cls(present.track_id, present.position, present.velocity, span)
+        return cls(present.track_id, present.position, present.velocity, span, past_of)
 
 
 @dataclass(frozen=True)
@@ -193,7 +202,8 @@ def neighbours_at(tracks: Tracks, time_s: np.ndarray, max_age_s: float) -> Neigh
     row, at = present_rows(tracks.track_id, tracks.time_s, now, max_age_s)
     bounds = np.searchsorted(at, np.arange(len(now) + 1))
     span = np.stack([bounds[instant], bounds[instant + 1]], axis=-1)
-    return Neighbours(tracks.track_id[row], tracks.position_at(row, now[at]), tracks.velocity[row], span)
+    position, velocity = tracks.position_at(row, now[at]), tracks.velocity[row]
+    return Neighbours(tracks.track_id[row], position, velocity, span, lambda some: Past.of(tracks, row[some]))
 
 
 def present_rows(

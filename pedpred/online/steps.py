@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pedpred.features import Neighbours, Surroundings
+from pedpred.features.surroundings import Past
 from pedpred.online.network import ExportedNetwork, ModelDescription
 from pedpred.online.past import past_of
 from pedpred.online.people import People, next_steps_s
@@ -80,13 +81,16 @@ class NetworkSteps:
         self, people: People, rows: np.ndarray, time_s: float, ground: OccupancyMap
     ) -> dict[str, np.ndarray]:
         """The network's inputs for some people at a time, name -> [R, ...] float32."""
+
+        def past(some: np.ndarray) -> Past:
+            return past_of(people.past, some, people.seen_s, people.detection, people.covariance)
+
         observers = people.at(rows, time_s)
         lately = time_s - people.seen_s <= self._max_age_s
         everybody = lately.all() and len(observers) == len(people)
         crowd = observers if everybody else people.at(np.flatnonzero(lately), time_s)
-        around = Neighbours.of_crowd(crowd, len(observers))
-        past = past_of(people.past, rows, people.seen_s, people.detection, people.covariance)
-        seen = Surroundings(observers, past, np.full(len(observers), time_s), around, ground)
+        around = Neighbours.of_crowd(crowd, len(observers), lambda some: past(np.flatnonzero(lately)[some]))
+        seen = Surroundings(observers, past(rows), np.full(len(observers), time_s), around, ground)
         features = self._about.features
         inputs = features.graph_inputs(features.compute(seen, self._about.protocol.dt_s))
         return {name: inputs[name] for name in self._about.inputs}

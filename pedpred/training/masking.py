@@ -17,7 +17,7 @@ from pedpred.settings import In, Settings
 
 @dataclass(frozen=True)
 class InputMasking(Settings):
-    """What is masked in some rows; nothing by default.
+    """What is masked in some rows; nothing by default, nor of channels that an input set does not have.
 
     Attributes:
         map_share: of the rows: no obstacle is known.
@@ -40,22 +40,27 @@ def mask(
     """Inputs of which some parts are masked.
 
     Args:
-        inputs: channel -> [B, width].
+        inputs: channel -> [B, width]; "beams", "neighbours" and "history" are those of `MixtureFeatures`.
         how: shares.
         empty: of `ModelFeatures.empty_channels`: beams that meet nothing.
         rng: decides which rows and parts.
     """
-    count, device = len(inputs["state"]), inputs["state"].device
+    masked, first = dict(inputs), next(iter(inputs.values()))
+    count, device = len(first), first.device
 
     def drawn(share: float, *axes: int) -> Tensor:
         return torch.from_numpy(rng.random((count, *axes)) < share).to(device)
 
-    beams = torch.where(drawn(how.map_share, 1), empty["beams"], inputs["beams"])
-    people = inputs["neighbours"].unflatten(-1, (-1, NEIGHBOUR))
-    missed = drawn(how.missed, people.shape[1]) & drawn(how.missed_share, 1) | drawn(how.neighbours_share, 1)
-    neighbours = torch.where(missed[..., None], 0.0, people).flatten(-2)
-    past = inputs["history"].unflatten(-1, (-1, PAST))
-    least = torch.from_numpy(rng.integers(1, past.shape[1] + 1, (count, 1))).to(device)
-    gone = (torch.arange(past.shape[1], device=device) >= least) & drawn(how.past_share, 1)
-    history = torch.where(gone[..., None], 0.0, past).flatten(-2)
-    return inputs | {"beams": beams, "neighbours": neighbours, "history": history}
+    if "beams" in inputs:
+        masked["beams"] = torch.where(drawn(how.map_share, 1), empty["beams"], inputs["beams"])
+    if "neighbours" in inputs:
+        people = inputs["neighbours"].unflatten(-1, (-1, NEIGHBOUR))
+        some = drawn(how.missed, people.shape[1]) & drawn(how.missed_share, 1)
+        missed = some | drawn(how.neighbours_share, 1)
+        masked["neighbours"] = torch.where(missed[..., None], 0.0, people).flatten(-2)
+    if "history" in inputs:
+        past = inputs["history"].unflatten(-1, (-1, PAST))
+        least = torch.from_numpy(rng.integers(1, past.shape[1] + 1, (count, 1))).to(device)
+        gone = (torch.arange(past.shape[1], device=device) >= least) & drawn(how.past_share, 1)
+        masked["history"] = torch.where(gone[..., None], 0.0, past).flatten(-2)
+    return masked

@@ -86,7 +86,7 @@ def test_a_contact_exactly_at_an_instant_counts_once(begin_m):
     assert found.time_s.tolist() == pytest.approx([0.4, 1.6])
 
 
-def test_who_touches_the_robot_at_first_has_no_contact_until_they_part():
+def test_who_touches_the_robot_at_first_has_no_contact_yet():
     """As those who are within it: the contact began before the drive."""
     way = [[0.7, 0.0], [0.6, 0.0], [0.9, 0.0], [0.5, 0.0]]
     found = find_contacts(drive_of([[0.0, 0.0]] * 4, [way]), 0.4)

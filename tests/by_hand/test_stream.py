@@ -61,12 +61,12 @@ def test_earlier_frames_must_follow_each_other(between_s):
     assert arrival is Arrival.LATE
 
 
-def test_a_frame_that_completes_the_last_one_begins_the_count_again():
+def test_completing_the_last_frame_begins_the_count_again():
     clock, _ = after(10.0, 9.4, 9.5, 9.6)
     assert clock.completed().arrival(9.7) is Arrival.LATE
 
 
-def test_setting_back_takes_twice_as_long_each_time_until_5_s_are_calm():
+def test_setting_back_takes_twice_as_long_until_5_s_are_calm():
     """0.3 s, then 0.6 s; frames count as calm from when the last one was dropped."""
     clock, _ = after(10.0, 9.4, 9.7 + 1e-9)
     assert clock.set_back_s == 0.6

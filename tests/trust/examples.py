@@ -40,10 +40,9 @@ from tests.bags import PEOPLE, Store, moving_bag, repacked, write_mcap
 from tests.exported import NETWORK, WIDTHS, write_network
 from tests.field_formats import BINARY, PIXEL_M, RATE_HZ, ROWS, WRITERS
 from tests.forecasts import windows_with
+from tests.raw_files import write_archive, write_sequence
 from tests.robots import from_camera
 from tests.scenes import write_as_table
-from tests.test_fetch import write_archive
-from tests.test_sources import write_sequence
 
 SIZES, STEPS = LstmFeatures(grid_cells=8, angular_cells=6), 4
 FEATURES = RowFormat(ForecastProtocol(horizon_steps=STEPS), "lstm", SIZES)

@@ -24,11 +24,7 @@ from pedpred.storage.scenes import read_map, read_scene
 from tests import field_formats
 from tests.bags import Store, stream
 from tests.exported import export
-from tests.test_eth_ucy import SETTINGS as STREET
-from tests.test_eth_ucy import write_street
-from tests.test_jupedsim import SETTINGS as LABORATORY
-from tests.test_jupedsim import write_recording
-from tests.test_sources import SETTINGS as EWAP
+from tests.raw_files import EWAP, LABORATORY, STREET, write_laboratory, write_street
 from tests.trust import examples
 
 Step = Callable[[Path], object]
@@ -68,7 +64,7 @@ READERS = {
         source("ewap", EWAP),
     ),
     "eth_ucy": Reader(write_street, ("street.txt",), source("eth_ucy", STREET)),
-    "jupedsim": Reader(write_recording, ("hall.txt", "hall.xml"), source("jupedsim", LABORATORY)),
+    "jupedsim": Reader(write_laboratory, ("hall.txt", "hall.xml"), source("jupedsim", LABORATORY)),
     "map": Reader(examples.make_scene, ("map.yaml", "map.pgm"), read_map),
     "deep map": Reader(examples.make_deep_map, ("map.yaml", "sub/deep.png"), read_map),
     "TIFF map": Reader(examples.make_tiff_map, ("map.yaml", "room.tif"), read_map),

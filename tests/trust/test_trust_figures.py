@@ -10,8 +10,9 @@ from pedpred.evaluation.observed import find_observed_windows
 from pedpred.features.perception import Perception
 from pedpred.sources.eth_ucy import read_text
 from pedpred.tracking import KalmanBank, KalmanSettings
-from stages.eth_ucy import comparison_of
 from stages.eth_ucy_evaluate import fit_filter
+from stages.folds import trained_sets
+from stages.perception import windows_of
 from tests.configuration import read
 from tests.conftest import raw_folder
 from tests.trust.figures import COMMITTED, TOLERANCE, measured, published
@@ -32,20 +33,22 @@ def test_real_errors_are_the_published_ones(scene):
 
     The filter is fitted to the recordings of the fold, which takes some time: at one scene.
     """
-    comparison, how = comparison_of(PARAMS), EvaluationSettings(bootstrap=1)
-    (name,), train = comparison.scenes[scene], comparison.folds[scene].train
+    study, how = PARAMS["literature"], EvaluationSettings(bootstrap=1)
+    train = trained_sets(study["folds"]["eth_ucy"][scene], study["places"])
+    (name,), protocol = study["scenes"][scene], windows_of(study)
 
     def recording(name):
-        return read_text(raw_folder("eth_ucy"), name, {**comparison.reader, "recording": name})
+        return read_text(raw_folder("eth_ucy"), name, study["places"][name]["settings"])
 
     methods, tracker = dict(PRESENT_MOTION), KalmanBank.around(KalmanSettings(0.1, 0.1, 1.0))
     if scene == "hotel":
-        tracker = fit_filter(map(recording, train), comparison.protocol.predicted_steps)
+        names = (at.removeprefix("real/") for at in train)
+        tracker = fit_filter(map(recording, names), protocol.predicted_steps)
     else:
         del methods[STRONGEST]
     still_mps = PARAMS["protocol"]["standstill_mps"]
     how_seen = Perception(tracker, still_mps)
-    windows = find_observed_windows(recording(name), how_seen, comparison.protocol, memory=False)
+    windows = find_observed_windows(recording(name), how_seen, protocol, memory=False)
     scores = measure(windows, {m: make() for m, make in methods.items()}, how)
     figures = summarise_methods(scores, "cv", how)
     for method, own in figures.items():

@@ -30,7 +30,6 @@ PARAMS = read("params.yaml")
 FOLDS = PARAMS["folds"]
 PRETRAINED = ("autoencoder", "lstm_corridor", "lstm_main", "mixture_main")
 """Folders of networks that were trained in simulation only."""
-of_dvc = pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")
 
 
 def names(parts):
@@ -63,23 +62,22 @@ def test_no_rows_are_made_of_simulated_sets_that_are_tested():
     assert (trained | inputs) & tested == set()
 
 
-@of_dvc
-@pytest.mark.parametrize("models", PRETRAINED)
-def test_before_fine_tuning_no_network_saw_a_real_place(models):
-    assert not [name for name in behind(f"models/{models}") if within(name, "data/scenes/real")]
+@pytest.mark.filterwarnings("ignore:_NoneStep.value:DeprecationWarning")  # of DVC
+def test_before_fine_tuning_no_network_saw_a_real_place():
+    for models in PRETRAINED:
+        assert not [name for name in behind(f"models/{models}") if within(name, "data/scenes/real")], models
 
 
-@pytest.mark.parametrize(("study", "fold"), [(study, fold) for study in FOLDS for fold in FOLDS[study]])
-def test_a_network_is_tested_where_it_has_never_been(study, fold):
-    row = FOLDS[study][fold]
+def test_a_network_is_tested_where_it_has_never_been():
     known = {f"{kind}/{name}" for kind, rows in SETS.items() for name in PARAMS[rows]}
-    tested = set(row["test"])
-    trained = set(trained_sets(row, PARAMS["places"])) if "train" in row else set()
-    assert tested
-    assert tested <= known
-    assert trained <= known | {"simulated/worlds"}
-    assert tested & {*trained, "simulated/main", "simulated/corridor"} == set()
-    assert {entry for entry in trained if entry.startswith("simulated/")} <= {"simulated/worlds"}
+    for row in (row for study in FOLDS.values() for row in study.values()):
+        tested = set(row["test"])
+        trained = set(trained_sets(row, PARAMS["places"])) if "train" in row else set()
+        assert tested
+        assert tested <= known
+        assert trained <= known | {"simulated/worlds"}
+        assert tested & {*trained, "simulated/main", "simulated/corridor"} == set()
+        assert {entry for entry in trained if entry.startswith("simulated/")} <= {"simulated/worlds"}
 
 
 @pytest.mark.parametrize("fold", FOLDS["real"])
@@ -118,12 +116,11 @@ def test_no_two_places_are_one_recording():
     assert len(set(named)) == len(named)
 
 
-@pytest.mark.parametrize("place", PARAMS["places"])
-def test_what_a_place_is_measured_with_was_tuned_elsewhere(place):
-    row = PARAMS["places"][place]
-    for group, prefix in (("tracker", "tuned_on_"), ("social_force", "fitted_on_")):
-        assert row[group].startswith(prefix)
-        assert row[group] != f"{prefix}{place}"
+def test_what_a_place_is_measured_with_was_tuned_elsewhere():
+    for place, row in PARAMS["places"].items():
+        for group, prefix in (("tracker", "tuned_on_"), ("social_force", "fitted_on_")):
+            assert row[group].startswith(prefix), place
+            assert row[group] != f"{prefix}{place}"
 
 
 def test_simulated_sets_have_seeds_of_their_own():

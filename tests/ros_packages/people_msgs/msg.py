@@ -3,4 +3,3 @@
 from wire_types import message_class
 
 People = message_class("people_msgs", "People")
-PositionMeasurementArray = message_class("people_msgs", "PositionMeasurementArray")
