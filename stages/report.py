@@ -9,9 +9,7 @@ from omegaconf import DictConfig
 from pedpred.config import configured, plain, read_table, stage
 from pedpred.files import write_text
 from pedpred.report.ablation import ablation_sections
-from pedpred.report.comparison import metrics_now
 from pedpred.report.document import Section, join_pages, write_pictures
-from pedpred.report.error_plots import horizon_table
 from pedpred.report.findings import Paper
 from pedpred.report.gallery import draw_gallery
 from pedpred.report.gather import Evaluated, gather, study_page
@@ -19,6 +17,8 @@ from pedpred.report.methods import Methods
 from pedpred.report.page.build import Contents, render_page
 from pedpred.report.page.player import Replay, ReplaySettings, replay
 from pedpred.report.places import places_section
+from pedpred.report.plots import horizon_table
+from pedpred.report.results import metrics_now
 from pedpred.report.simulation_page import flow_section
 from pedpred.settings import load, load_together
 from stages.folds import trained_sets

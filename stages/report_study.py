@@ -9,12 +9,11 @@ from omegaconf import DictConfig
 
 from pedpred.config import one_of, stage, stage_key
 from pedpred.files import write_text
-from pedpred.report.comparison import metrics_now
 from pedpred.report.document import Section, write_pictures
 from pedpred.report.drives import drives_section, read_shown
 from pedpred.report.literature import literature_section, read_published
 from pedpred.report.methods import Methods
-from pedpred.report.results import results_frame
+from pedpred.report.results import metrics_now, results_frame
 
 
 def drives_of(places: Iterable[str]) -> Section:

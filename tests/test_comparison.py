@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from pedpred.errors import ValueRuleError
 from pedpred.metrics import METRICS, Metric
-from pedpred.report.comparison import changes, changes_table, metrics_at, metrics_now
+from pedpred.report.results import metrics_now
 from tests.plain_git import git
 from tools import compare
+from tools.compare import changes, changes_table, metrics_at
 
 ENTRY = {
     "ade_m": 0.5,

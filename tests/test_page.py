@@ -11,13 +11,13 @@ import pytest
 
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features.grids import angular_grids, occupancy_crops
+from pedpred.report.crops import grid_image
 from pedpred.report.gallery import draw_gallery
 from pedpred.report.gather import Evaluated
 from pedpred.report.page.build import Contents, render_page
 from pedpred.report.page.player import ReplaySettings, replay
 from pedpred.report.places import places_section
 from pedpred.report.results import results_of
-from pedpred.report.snapshots import grid_image
 from pedpred.scenes import OccupancyMap, Predictions
 from tests.forecasts import METHODS, PAPER
 from tests.reports import MEETING, curves, metrics_of, planned, room

@@ -13,12 +13,12 @@ from pedpred.metrics.calibration import radius2, squared_mahalanobis
 from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features.grids import occupancy_crops
 from pedpred.report.canvas import avif_bytes, png_bytes
+from pedpred.report.crops import grid_image
 from pedpred.report.gallery import draw_gallery
 from pedpred.report.gather import Evaluated
 from pedpred.report.instants import RULES, choose, depth_m
 from pedpred.report.plan import obstacle_image, quarter_turns_of, turn_points
-from pedpred.report.regions import ellipse_outline, region_outlines
-from pedpred.report.snapshots import grid_image
+from pedpred.report.scene_picture import ellipse_outline, region_outlines
 from pedpred.report.walls import RANKS, wall_windows
 from pedpred.scenes import Camera, OccupancyMap, Predictions, Scene, Trajectories
 from tests.forecasts import METHODS, windows_with

@@ -16,13 +16,14 @@ from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summaris
 from pedpred.features.perception import sensed
 from pedpred.online.assessment import NETWORK, assess
 from pedpred.online.network import read_origin
-from pedpred.report.comparison import metrics_at, metrics_now
+from pedpred.report.results import metrics_now
 from pedpred.scenes import Scene
 from pedpred.settings import load, load_each
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
 from stages.folds import trained_sets
 from stages.row_types import PromiseRow
+from tools.compare import metrics_at
 from tools.programs import git
 from tools.verdicts import (
     ROOMS,

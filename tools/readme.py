@@ -20,11 +20,10 @@ import pandas as pd
 
 from pedpred.config import config_errors, plain, read_params
 from pedpred.files import write_text
-from pedpred.report.comparison import metrics_now
 from pedpred.report.document import NOTHING, Cell, Row, Table
 from pedpred.report.literature import literature_tables, read_published
 from pedpred.report.methods import Method, Methods
-from pedpred.report.results import figure_of, read_metrics, results_frame
+from pedpred.report.results import figure_of, metrics_now, read_metrics, results_frame
 from pedpred.report.tables import pivot
 
 _MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,7 @@ from pedpred.report.canvas import blank, styled
 from pedpred.report.document import NOTHING, Picture, Pictures, Section, markdown_table
 from pedpred.report.methods import Methods
 from pedpred.report.tables import interval
-from pedpred.settings import load, load_each
+from pedpred.settings import load
 
 _SPREAD = "mean ± standard deviation"
 
@@ -82,8 +82,7 @@ def read_ablation(path: Path) -> Ablation:
                 *plain.get("always", []),
             ]
         points = {str(name): overrides for name, overrides in plain.pop("points").items()}
-        columns = load_each(Column, plain.pop("columns", {}), "columns")
-        ablation: Ablation = load(Ablation, plain | {"points": points, "columns": columns})
+        ablation: Ablation = load(Ablation, plain | {"points": points})
         return ablation
 
 
@@ -157,28 +156,32 @@ def ablation_figure(ablation: Ablation, rows: Sequence[Mapping[str, Any]], metho
 
 def ablation_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]], methods: Methods) -> str:
     """Write a Markdown table, a row per point; then one of the columns, if there are any."""
-    shown = (*ablation.references, *ablation.methods)
-    cells = {
-        (row["point"], row["method"]): f"{row['ade_m']:.3f} ({interval(row['ade_m_ci95'])})" for row in rows
+    own = {(row["point"], row["method"]): row for row in rows}
+    errors = {
+        methods[key].label: [
+            (own[name, key]["ade_m"], f" ({interval(own[name, key]['ade_m_ci95'])})")
+            for name in ablation.points
+        ]
+        for key in (*ablation.references, *ablation.methods)
     }
-    body = [[name, *(cells[name, method] for method in shown)] for name in ablation.points]
-    if ablation.has_spread:
-        errors = [[row["ade_m"] for row in rows if row["method"] == method] for method in shown]
-        body.append([_SPREAD, *map(_spread, errors)])
-    table = markdown_table([ablation.axis or "point", *(methods[key].label for key in shown)], body)
-    return "\n\n".join([table, *_columns_table(ablation, rows, methods)])
+    tables = [_points_table(ablation, ablation.axis or "point", errors)]
+    if ablation.columns:
+        found = {row["point"]: row["columns"] for row in rows if "columns" in row}
+        columns = {key: [(found[name][key], "") for name in ablation.points] for key in ablation.columns}
+        tables.append(_points_table(ablation, methods[ablation.methods[-1]].label, columns))
+    return "\n\n".join(tables)
 
 
-def _columns_table(ablation: Ablation, rows: Sequence[Mapping[str, Any]], methods: Methods) -> Iterator[str]:
-    if not ablation.columns:
-        return
-    columns = {row["point"]: row["columns"] for row in rows if "columns" in row}
-    values = {title: [columns[name][title] for name in ablation.points] for title in ablation.columns}
-    texts = {title: [NOTHING if v is None else f"{v:.3f}" for v in each] for title, each in values.items()}
-    body = [[name, *(each[k] for each in texts.values())] for k, name in enumerate(ablation.points)]
+def _points_table(
+    ablation: Ablation, title: str, columns: Mapping[str, Sequence[tuple[float | None, str]]]
+) -> str:
+    """Figures and words behind them, a row per point; then the mean and spread of repeated ones."""
+    texts = [[NOTHING if v is None else f"{v:.3f}{words}" for v, words in each] for each in columns.values()]
+    body = [[name, *row] for name, row in zip(ablation.points, zip(*texts, strict=True), strict=True)]
     if ablation.has_spread:
-        body.append([_SPREAD, *(NOTHING if None in each else _spread(each) for each in values.values())])
-    yield markdown_table([methods[ablation.methods[-1]].label, *ablation.columns], body)
+        every = [[value for value, _ in each if value is not None] for each in columns.values()]
+        body.append([_SPREAD, *(_spread(own) if len(own) == len(body) else NOTHING for own in every)])
+    return markdown_table([title, *columns], body)
 
 
 def _spread(values: Sequence[float]) -> str:

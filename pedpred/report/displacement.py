@@ -24,9 +24,7 @@ def displacement_section(
 ) -> list[Section]:
     """Tabulate the mean way until the last step by present speed: forecasts of starts and stops shift it.
 
-    Args:
-        windows: of the scenes of each test set.
-        methods: the learned networks and the reference are shown, as far as they were evaluated.
+    The learned networks and the reference are shown, as far as they were evaluated, in each test set.
     """
     known = {key for scenes in windows.values() for scene in scenes for key in scene.predictions}
     shown = [row for row in (*methods.networks, methods.reference) if row.key in known]

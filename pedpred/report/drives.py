@@ -143,10 +143,9 @@ def _draw_drive(axes: Axes, scene: Scene, about: Mapping[str, Any]) -> None:
     people, way = scene.trajectories, _robot_path(scene)
     first_s, robot = people.time_s.min(), people.track_id.max()
     whole = np.abs((people.time_s - first_s + 0.5 * _DISC_S) % _DISC_S - 0.5 * _DISC_S) < 1e-3
-    for track in np.unique(people.track_id[people.track_id < robot]):
-        here = people.track_id == track
-        axes.plot(*people.position[here].T, color=FAINT, linewidth=0.9)
-        axes.plot(*people.position[here & whole].T, ".", color=FAINT, markersize=4)
+    for rows in people.by_track()[:-1]:
+        axes.plot(*people.position[rows].T, color=FAINT, linewidth=0.9)
+        axes.plot(*people.position[rows[whole[rows]]].T, ".", color=FAINT, markersize=4)
     axes.plot(*way.T, color=_ROBOT, linewidth=1.6)
     for x, y in people.position[(people.track_id == robot) & whole]:
         axes.add_patch(Circle((x, y), about["radius_m"], fill=False, edgecolor=_ROBOT, lw=0.7))
@@ -179,17 +178,15 @@ _ABOUT = (
 )
 
 
-_WAYS = {"-": "fewer", "+": "more"}
-
-
 def answer(name: str, figures: Figures) -> str:
     """Compare the network's modes with each other curve at the same time to the goal, in a sentence each."""
     said = []
     for other, comparison in figures["equal_time"].items():
         low, high = (100 * end for end in comparison["at_fault_ci95"])
         verdict = "fewer" if high < 0 else "more" if low > 0 else "neither clearly fewer nor more"
-        points = f"{100 * comparison['at_fault']:+.1f}"
-        amount = "as many" if float(points) == 0 else f"{points[1:]} percentage points {_WAYS[points[0]]}"
+        points = round(100 * comparison["at_fault"], 1)
+        way = "fewer" if points < 0 else "more"
+        amount = f"{abs(points):.1f} percentage points {way}" if points else "as many"
         said.append(
             f"{_words(name)}: where both take {comparison['time_s']:.1f} s to the goal, {amount} episodes "
             f'have a collision at fault with "{LABELS["modes"]}" {"as" if amount == "as many" else "than"} '
@@ -210,7 +207,7 @@ _MEASURES = {
     "stopped, s": ("stopped_s", 1.0, ".1f"),
     "jerk, m/s³": ("jerk_mps3", 1.0, ".2f"),
 }
-"""Columns of the table after the collisions at fault."""
+"""Columns of the table after the collisions at fault: figure, factor and format."""
 FAULT = "at fault, %"
 
 
@@ -219,14 +216,14 @@ def drives_table(figures: Figures) -> Table:
     rows = []
     for method, limits in figures["methods"].items():
         for risk, measures in limits.items():
-            low, high = measures["at_fault_ci95"]
-            cells = [Cell(LABELS.get(method, method)), Cell(risk if len(limits) > 1 else NOTHING)]
-            bounds = f"{100 * low:.0f}-{100 * high:.0f}"
-            cells.append(Cell(f"{100 * measures['at_fault']:.0f}", bounds=bounds, unit="%"))
-            for key, scale, form in _MEASURES.values():
-                text = NOTHING if measures[key] is None else format(scale * measures[key], form)
-                cells.append(Cell(text))
-            rows.append(Row(cells))
+            low, high = (100 * end for end in measures["at_fault_ci95"])
+            fault = Cell(f"{100 * measures['at_fault']:.0f}", bounds=f"{low:.0f}-{high:.0f}", unit="%")
+            found = [(measures[key], scale, form) for key, scale, form in _MEASURES.values()]
+            texts = [
+                NOTHING if value is None else format(scale * value, form) for value, scale, form in found
+            ]
+            names = [LABELS.get(method, method), risk if len(limits) > 1 else NOTHING]
+            rows.append(Row([*map(Cell, names), fault, *map(Cell, texts)]))
     return Table(["method", "limit", FAULT, *_MEASURES], rows, texts=2)
 
 

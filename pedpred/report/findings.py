@@ -10,10 +10,9 @@ from pedpred.errors import ValueRuleError
 from pedpred.report.document import NOTHING
 from pedpred.report.methods import Methods
 from pedpred.report.results import ADE_GAP, Figures, Result
-from pedpred.settings import In, Settings, check_choice, check_mapping, load
+from pedpred.settings import In, OneOf, Settings, check_mapping, load
 
 Verdict = Literal["met", "missed", "not measured"]
-_KINDS = ("below", "gains", "ratio_at_least")
 
 
 @dataclass(frozen=True)
@@ -24,14 +23,10 @@ class Expectation(Settings):
     `ratio_at_least`: first / second is not below the bound.
     """
 
-    kind: str
+    kind: Annotated[str, OneOf(("below", "gains", "ratio_at_least"))]
     first: str
     second: str
     bound: Annotated[float, In("(0, 1e6]")] = 1.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_choice("kind", self.kind, _KINDS)
 
 
 def _expectations(plain: Any, path: str) -> dict[str, list[Expectation]]:

@@ -9,19 +9,17 @@ import pandas as pd
 
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.report.curves import training_figure
+from pedpred.report.crops import reconstructions_section
 from pedpred.report.displacement import displacement_section
 from pedpred.report.document import Picture, Pictures, Section, Text
-from pedpred.report.error_plots import calibration_figure, horizon_figure, with_covariances
 from pedpred.report.gather import Evaluated
 from pedpred.report.instants import RULES, choose, is_moving
 from pedpred.report.methods import Methods
 from pedpred.report.plan import arrangement_figure, contact_sheet
-from pedpred.report.reconstructions import reconstructions_section
+from pedpred.report.plots import calibration_figure, horizon_figure, training_figure, with_covariances
 from pedpred.report.results import Result
-from pedpred.report.scene_picture import ARROW_S, reading_of_modes
+from pedpred.report.scene_picture import ARROW_S, reading_of_modes, snapshot_figure
 from pedpred.report.sections import calibration_section
-from pedpred.report.snapshots import snapshot_figure
 from pedpred.scenes import Scene
 
 CROWD = {"simulated": 8, "real": 4}
@@ -144,10 +142,8 @@ def _places(scenes: Mapping[str, Scene], shown_s: float) -> Section:
     pictures = [Picture(f"tracks_{n}", n, arrangement_figure(s, shown_s)) for n, s in sorted(scenes.items())]
     rows = -(-len(pictures) // 5)
     tracks = "all tracks" if np.isinf(shown_s) else f"the tracks of the first {shown_s:.0f} s"
-    return Section(
-        f"Places: obstacles and {tracks} (colours only tell tracks apart)",
-        [Pictures(pictures, -(-len(pictures) // rows))],
-    )
+    title = f"Places: obstacles and {tracks} (colours only tell tracks apart)"
+    return Section(title, [Pictures(pictures, -(-len(pictures) // rows))])
 
 
 def _trained_in(data_sets: Mapping[str, Sequence[Scene]]) -> list[Section]:

@@ -12,10 +12,10 @@ import pandas as pd
 from pedpred.errors import InputError, ValueRuleError
 from pedpred.evaluation.forecasts import EvaluationWindows, read_forecasts
 from pedpred.models.lstm.autoencoder import GridAutoencoder, read_autoencoder
-from pedpred.report.curves import read_curve
 from pedpred.report.document import Block, Section, Text
 from pedpred.report.findings import Paper
 from pedpred.report.methods import Methods
+from pedpred.report.plots import read_curve
 from pedpred.report.results import Result, read_metrics, results_of
 from pedpred.report.sections import (
     READING,
@@ -79,28 +79,23 @@ def gather(study: str, folds: Mapping[str, Mapping[str, Any]], root: Path = Path
         InputError: a file is missing or damaged.
         ValueRuleError: a test set has no metrics, or the study tests sets of several kinds.
     """
-    kinds = {entry.split("/")[0] for fold in folds.values() for entry in fold["test"]}
+    tested = [entry.split("/") for fold in folds.values() for entry in fold["test"]]
+    kinds, named = {kind for kind, _ in tested}, [name for _, name in tested]
     if len(kinds) != 1:
         raise ValueRuleError(f"folds.{study}", sorted(kinds), "a study tests sets of one kind")
     (kind,) = kinds
     folder = root / "data/scenes" / kind
-    named = [entry.split("/")[1] for fold in folds.values() for entry in fold["test"]]
     sets = {path.name: list(read_scenes(path)) for path in sorted(folder.iterdir()) if path.is_dir()}
     names = scene_names(named, sets)
-    missing = {
-        name: str(scenes[0].unavailable)
-        for name, scenes in sets.items()
-        if all(scene.unavailable for scene in scenes)
-    }
+    missing = {name: str(s[0].unavailable) for name, s in sets.items() if all(one.unavailable for one in s)}
     metrics = read_metrics(root / f"reports/metrics/{study}.json")
     windows: dict[str, EvaluationWindows] = {}
-    for name, fold in folds.items():
-        networks = name if "train" in fold else "main"
-        for at in fold["test"]:
-            tested = at.split("/")[1]
-            found = read_forecasts(root, networks, at, metrics.get(tested, {}))
-            windows |= {names.get((tested, scene), scene): forecasts for scene, forecasts in found.items()}
-    windows = {scene: windows[scene] for scene in sorted(windows)}
+    for fold, entries in folds.items():
+        for at in entries["test"]:
+            name, networks = at.split("/")[1], fold if "train" in entries else "main"
+            found = read_forecasts(root, networks, at, metrics.get(name, {}))
+            windows |= {names.get((name, scene), scene): forecasts for scene, forecasts in found.items()}
+    windows = dict(sorted(windows.items()))
     if not windows and any(name not in missing for name in named):
         raise InputError(root / "data/forecasts", "forecasts", f"there are none of the study {study}")
     dt_s = next((recorded.dt_s for recorded in windows.values()), 0.0)

@@ -54,23 +54,12 @@ class Candidate(NamedTuple):
     facts: Mapping[str, float]  # of the caption
 
 
-Candidates = Callable[[EvaluationWindows, Scene, Methods], Iterator[Candidate]]
-"""Candidates of a scene by time, from its windows."""
+class Rule(NamedTuple):
+    """How an instant is chosen."""
 
-
-@dataclass(frozen=True)
-class Rule:
-    """How an instant is chosen.
-
-    Attributes:
-        candidates: of a scene.
-        caption: a template of {main}, {reference}, {who}, {people} and the facts of the candidate.
-        crowded: only instants with many moving people are candidates.
-    """
-
-    candidates: Candidates
-    caption: str
-    crowded: bool = False
+    candidates: Callable[[EvaluationWindows, Scene, Methods], Iterator[Candidate]]  # of a scene, by time
+    caption: str  # a template of {main}, {reference}, {who}, {people} and the facts of the candidate
+    crowded: bool = False  # only instants with many moving people are candidates
 
 
 def choose(
@@ -91,18 +80,17 @@ def choose(
         methods: the main and the reference method are compared.
     """
     every = [
-        (name, candidate)
+        (name, one)
         for name in sorted(windows)
-        for candidate in rule.candidates(windows[name], scenes[name], methods)
+        for one in rule.candidates(windows[name], scenes[name], methods)
     ]
     if not every:
         return None
     asked = min(least_moving, max(one.people for _, one in every)) if rule.crowded else 0
-    crowded = [(name, one) for name, one in every if one.people >= asked]
-    name, best = max(crowded, key=lambda candidate: candidate[1].score)
+    name, best = max((pair for pair in every if pair[1].people >= asked), key=lambda pair: pair[1].score)
     names = {"main": methods.main.label, "reference": methods.reference.label}
-    names["who"] = str(windows[name].track_id[best.focus])
-    caption = rule.caption.format(**names, people=best.people, **best.facts)
+    who = windows[name].track_id[best.focus]
+    caption = rule.caption.format(**names, who=who, people=best.people, **best.facts)
     return Instant.of(name, windows[name], best.focus, f": {caption}")
 
 
@@ -164,11 +152,11 @@ def depth_m(points: np.ndarray, occupancy: OccupancyMap) -> np.ndarray:
 
 def _facing(windows: EvaluationWindows, one: np.ndarray, two: np.ndarray) -> np.ndarray:
     """Whether people ([Q] rows each) walk in opposite directions and come nearer to each other. [Q] bool."""
-    velocity = windows.world_velocity
-    speeds = np.linalg.norm(velocity[one], axis=-1) * np.linalg.norm(velocity[two], axis=-1)
-    opposite = (velocity[one] * velocity[two]).sum(axis=-1) < np.cos(np.deg2rad(FACING_DEG)) * speeds
+    mine, theirs = (windows.world_velocity[rows] for rows in (one, two))
     between = windows.position[two] - windows.position[one]
-    return opposite & (((velocity[two] - velocity[one]) * between).sum(axis=-1) < 0)
+    speeds = np.linalg.norm(mine, axis=-1) * np.linalg.norm(theirs, axis=-1)
+    opposite = (mine * theirs).sum(axis=-1) < np.cos(np.deg2rad(FACING_DEG)) * speeds
+    return opposite & (((theirs - mine) * between).sum(axis=-1) < 0)
 
 
 def _nearest_m(paths: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:

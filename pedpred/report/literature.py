@@ -116,27 +116,23 @@ def literature_tables(
 
 def _ours(literature: pd.DataFrame, figures: tuple[str, str], methods: Methods) -> list[Row]:
     """A row per method; a second one for networks under stricter folds, which differ at some scenes alone."""
-    usual = {scene: scene for scene in SCENES}
-    places = literature["place"].unique()
-    strict = {scene: next((p for p in places if p.startswith(f"{scene}_")), scene) for scene in SCENES}
-    rows = []
+    places, rows = literature["place"].unique(), list[Row]()
+    strict = [next((place for place in places if place.startswith(f"{s}_")), s) for s in SCENES]
     for name in methods.ordered(literature["method"]):
         own = literature[(literature["method"] == name) & literature["figure"].isin(figures)]
         own = own[own.groupby("place")["figure"].transform("size") == len(figures)]
         label, learned = methods[name].label, methods[name].learned
-        rows.append(_row(own, figures, name, label, usual))
-        if learned and strict != usual:
+        rows.append(_row(own, figures, name, label, SCENES))
+        if learned and strict != list(SCENES):
             rows.append(_row(own, figures, name, f"{label}, street or campus left out", strict))
     return [row for row in rows if any(cell.text != NOTHING for cell in row.cells[1:])]
 
 
-def _row(
-    own: pd.DataFrame, figures: tuple[str, str], name: str, label: str, places: Mapping[str, str]
-) -> Row:
+def _row(own: pd.DataFrame, figures: Sequence[str], name: str, label: str, places: Sequence[str]) -> Row:
     """Errors of a method at the places that stand for the scenes, and their mean where there are all."""
-    cells = pivot(own, ["place", "figure"], places.values(), figures, _error_cell)
-    errors = own.pivot(index="place", columns="figure", values="value").reindex(places.values())
-    means = [errors[figure].to_numpy().mean() if figure in errors else np.nan for figure in figures]
+    cells = pivot(own, ["place", "figure"], places, figures, _error_cell)
+    errors = own.pivot(index="place", columns="figure", values="value").reindex(index=places, columns=figures)
+    means = errors.to_numpy().mean(axis=0)
     first = [Cell(NOTHING if np.isnan(mean) else f"{mean:.3f}") for mean in means]
     return Row([Cell(label), *first, *(cell for pair in cells for cell in pair)], name)
 
@@ -162,15 +158,13 @@ def _quoted(published: Sequence[Published], samples: int) -> list[Row]:
 
 def _probabilities(literature: pd.DataFrame, methods: Methods) -> list[Row]:
     """Most likely path, best of 1, 3 and 6 modes, NLL, energy score and collisions of methods with modes."""
-    whole = literature[literature["step"] == 0]
+    whole = literature[(literature["step"] == 0) & literature["place"].isin(SCENES)]
     values = whole.pivot(index=["place", "method"], columns="figure", values="value")
-    needed = [*_PROBABILITIES, "best_ade_m"]
-    complete = values.reindex(columns=needed).dropna()
-    rows = []
-    for scene in SCENES:
-        for name in literature.loc[literature["place"] == scene, "method"].unique():
-            if (scene, name) not in complete.index:
-                continue
+    complete = values.reindex(columns=[*_PROBABILITIES, "best_ade_m"]).dropna()
+    rows, pairs = [], whole[["place", "method"]].drop_duplicates()
+    pairs = pairs.sort_values("place", key=lambda places: places.map(SCENES.index), kind="stable")
+    for scene, name in pairs.itertuples(index=False, name=None):
+        if (scene, name) in complete.index:
             figures = complete.loc[(scene, name)]
             shown = [figures[key] * (100 if "share" in key else 1) for key in _PROBABILITIES]
             label = f"{methods[name].label}, {scene}"

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from pedpred.errors import ConfigError, ValueRuleError
 from pedpred.files import read_yaml, translate_errors
-from pedpred.settings import Settings, check_choice, check_mapping, load
+from pedpred.settings import OneOf, Settings, check_mapping, load
 
 ROLES = ("baseline", "oracle", "ablation", "network", "other")
 """baseline: simple and causal. oracle: knows the future goal. ablation: the network `of` without one of its
@@ -34,14 +34,13 @@ class Method(Settings):
     key: str
     label: str
     colour: str = "#999999"
-    role: str = "other"
+    role: Annotated[str, OneOf(ROLES)] = "other"
     of: str = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not re.fullmatch("#[0-9A-Fa-f]{6}", self.colour):
             raise ValueRuleError("colour", self.colour, "it must be #RRGGBB")
-        check_choice("role", self.role, ROLES)
         if (self.role == "ablation") != bool(self.of):
             rule = "a method with the role ablation, and no other, names the network it is compared with"
             raise ValueRuleError("of", self.of, rule)

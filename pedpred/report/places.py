@@ -14,13 +14,7 @@ from pedpred.report.methods import Method, Methods
 from pedpred.report.results import COLUMNS, Result
 from pedpred.report.sections import warnings
 from pedpred.report.tables import interval, metric_title, pivot, study_cell
-from pedpred.report.walls import (
-    LEAST_SHARE,
-    gains_figure,
-    wall_caption,
-    wall_figure,
-    wall_windows,
-)
+from pedpred.report.walls import gains_figure, wall_pictures
 
 SHORT = {"transfer": "simulated", "real": "tuned"}
 TRAINED = {
@@ -52,7 +46,7 @@ def places_section(evaluated: Sequence[Evaluated], methods: Methods) -> Section:
         ]
         blocks += [Text(said[0], "sentence"), ratios_table(studies, methods)]
         blocks += [Text(words, "note") for words in said[1:]]
-        if walls := wall_pictures(measured[0], methods):
+        if walls := wall_pictures(measured[0], trained(measured[0].study, measured[0].results), methods):
             blocks.append(Pictures(walls))
         blocks.append(_gains(evaluated, methods))
         tables = [Section(metric_title(key), [places_table(studies, key, methods)]) for key in _LISTED]
@@ -148,24 +142,6 @@ def _titles(columns: Sequence[tuple[str, str]], studies: Studies, methods: Metho
     short = {study: SHORT.get(_training(study, results), study) for study, results in studies.items()}
     several = len(studies) > 1
     return [methods[m].label + (f", {short[s]}" if s and several else "") for m, s in columns]
-
-
-def wall_pictures(evaluated: Evaluated, methods: Methods) -> list[Picture]:
-    """Forecasts at the places where straight ones often meet walls."""
-    pictures, straight = [], methods.simple[0].key
-    for result in evaluated.results:
-        share = result.figures.get(straight, "obstacle_share")
-        windows = evaluated.windows.get(result.name)
-        if windows is None or not {methods.main.key, straight} <= windows.predictions.keys():
-            continue
-        if share is None or share.value < LEAST_SHARE:
-            continue
-        scene = evaluated.scene(result.name)
-        how = trained(evaluated.study, evaluated.results)
-        caption = f"{wall_caption(scene, windows, methods)} Networks: {how}."
-        figure = wall_figure(scene, windows, wall_windows(windows, scene, methods), methods)
-        pictures.append(Picture(f"walls_{result.name}", caption, figure))
-    return pictures
 
 
 def _gains(evaluated: Sequence[Evaluated], methods: Methods) -> Pictures:

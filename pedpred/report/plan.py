@@ -83,11 +83,8 @@ def draw_tracks(axes: Axes, paths: Sequence[np.ndarray], width: float = 0.7) -> 
 
 def first_paths(trajectories: Trajectories, shown_s: float) -> list[np.ndarray]:
     """Each track's positions in the first `shown_s` seconds, in order of time, world frame, m. [M, 2]."""
-    if not len(trajectories):
-        return []
-    shown = trajectories.select(trajectories.time_s <= trajectories.time_s.min() + shown_s)
-    order = np.lexsort((shown.time_s, shown.track_id))
-    return np.split(shown.position[order], np.flatnonzero(np.diff(shown.track_id[order])) + 1)
+    shown = trajectories.select(trajectories.time_s <= trajectories.time_s.min(initial=np.inf) + shown_s)
+    return [shown.position[rows] for rows in shown.by_track()]
 
 
 @styled

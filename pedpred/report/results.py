@@ -39,6 +39,18 @@ class Figure(NamedTuple):
     bounds: tuple[float, float] | None
 
 
+def metrics_now(folder: Path) -> dict[str, Any]:
+    """Read the metric files of a folder, by name.
+
+    Raises:
+        InputError: one of them is damaged.
+    """
+    return {
+        path.stem: read_json(path, partial(InputError, path, "file", remedy="Write it again"))
+        for path in sorted(folder.glob("*.json"))
+    }
+
+
 def read_metrics(path: Path) -> dict[str, Any]:
     """Read a metric file.
 

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
+from matplotlib.projections.polar import PolarAxes
 
 from pedpred.evaluation.forecasts import EvaluationWindows
-from pedpred.metrics.calibration import shown_steps
-from pedpred.report.canvas import INK
+from pedpred.metrics.calibration import negative_log_likelihood, radius2, shown_steps, squared_mahalanobis
+from pedpred.report.canvas import INK, blank, styled
+from pedpred.report.crops import draw_angular_grid, draw_grid
 from pedpred.report.instants import Instant
-from pedpred.report.methods import Method
+from pedpred.report.methods import Method, Methods
 from pedpred.report.plan import draw_ground, extent_around, obstacle_image, quarter_turns_of, turn_points
-from pedpred.report.regions import region_outlines
-from pedpred.scenes import Camera, Scene
+from pedpred.scenes import Camera, Predictions, Scene
 
 ARROW_S = 0.75
 """Time that a velocity arrow spans, s."""
@@ -33,9 +35,36 @@ _MARGIN_M = 2.0
 """Ground shown around people and their paths, m."""
 _PALE = 0.42
 """Share of the camera picture's contrast that is kept, so that what is drawn on it stands out."""
+_CORNERS, _CELLS = 40, 120
+_SPREADS = 3.5
+"""Standard deviations around each mode in which its region is searched."""
 
 Projection = Callable[[np.ndarray], np.ndarray]
 """From world points (m, [..., 2]) to the axes' (horizontal, vertical). [..., 2]"""
+
+
+@styled
+def snapshot_figure(scene: Scene, windows: EvaluationWindows, instant: Instant, methods: Methods) -> Figure:
+    """Draw the crowd from above, beside the camera's picture if there is one, and inputs about one person."""
+    camera, shown = scene.camera, (methods.main, methods.reference)
+    height = 6.0 if camera is None else 4.2
+    widths = [height, 0.55 * height]
+    if camera is not None:
+        rows, columns = camera.picture.shape[:2]
+        widths = [height * columns / rows, *widths]
+    figure = blank(sum(widths) + 0.3, height + 0.5)
+    layout = figure.add_gridspec(2, len(widths), width_ratios=widths)
+    if camera is not None:
+        camera_picture(figure.add_subplot(layout[:, 0]), scene, camera, instant, windows, shown)
+    scene_picture(figure.add_subplot(layout[:, -2]), scene, instant, windows, shown)
+    draw_grid(figure.add_subplot(layout[0, -1]), windows.grid(instant.focus), windows.grid_resolution_m)
+    polar = cast(PolarAxes, figure.add_subplot(layout[1, -1], projection="polar"))
+    draw_angular_grid(polar, windows.angular_grid_m[instant.focus], windows.max_range_m)
+    above = "" if camera is None else "; the same from above"
+    title = f"Scene {scene.name}{above}; right: the LSTM's inputs for person {instant.who}"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10)
+    figure.legend(handles=legend_handles(shown), loc="outside upper right", ncols=3)
+    return figure
 
 
 def scene_picture(
@@ -147,6 +176,39 @@ def _draw_modes(
     for step in shown_steps(predictions.steps)[1:] if predictions.covariance is not None else ():
         for outline in region_outlines(predictions, row, step, REGION):
             axes.fill(*project(outline).T, linewidth=0.6, zorder=2, **style)
+
+
+def region_outlines(predictions: Predictions, row: int, step: int, share: float) -> list[np.ndarray]:
+    """Closed outlines of the smallest region that holds a share of a forecast position, m. [corners, 2] each.
+
+    An ellipse of a single Gaussian; of several modes, a contour of their density.
+    """
+    assert predictions.covariance is not None
+    centre, covariance, weight = (
+        predictions.path[row, :, step],
+        predictions.covariance[row, :, step],
+        predictions.weight[row],
+    )
+    if predictions.modes == 1:
+        return [ellipse_outline(centre[0], covariance[0], share)]
+    reach = _SPREADS * np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+    x, y = np.linspace((centre - reach).min(axis=0), (centre + reach).max(axis=0), _CELLS).T
+    points = np.stack(np.meshgrid(x, y), axis=-1)
+    distance2 = squared_mahalanobis(points[..., None, :] - centre, covariance)
+    density = np.exp(-negative_log_likelihood(distance2, covariance)) @ weight
+    ranked = np.sort(density, axis=None)[::-1]
+    level = ranked[np.searchsorted(np.cumsum(ranked), share * ranked.sum())]
+    return list(Figure().subplots().contour(x, y, density, [level]).allsegs[0])
+
+
+def ellipse_outline(centre: np.ndarray, covariance: np.ndarray, share: float) -> np.ndarray:
+    """Closed outline of the region that holds a share of a plane Gaussian: [corners, 2] m.
+
+    Centre [2] in m and covariance [2, 2] in m^2 are in the same frame.
+    """
+    turn = np.linspace(0.0, 2 * np.pi, _CORNERS)
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    return centre + np.sqrt(radius2(share)) * circle @ np.linalg.cholesky(covariance).T
 
 
 def _draw_person(axes: Axes, ends: np.ndarray, name: str, focus: bool) -> None:

@@ -16,6 +16,7 @@ from pedpred.report.tables import (
     findings_table,
     further_table,
     interval,
+    method_row,
     metric_cell,
     metric_keys,
     metrics_table,
@@ -140,10 +141,9 @@ def paper_section(results: Sequence[Result], methods: Methods, paper: Paper) -> 
     shown = [result for result in results if paper.errors_m(result)]
     if not shown:
         return []
-    studies = list(dict.fromkeys(result.study for result in shown))
     frame = pd.concat([result.figures.frame for result in shown])
     names = methods.ordered(frame["method"])
-    header, columns = ["ADE [m]"], [[Cell(methods[name].label) for name in names]]
+    header, columns, studies = ["ADE [m]"], list[list[Cell]](), {result.study: None for result in shown}
     for study in studies:
         places = [result.name for result in shown if result.study == study]
         theirs = [paper.ade_m[study].get(name) for name in names]
@@ -151,10 +151,7 @@ def paper_section(results: Sequence[Result], methods: Methods, paper: Paper) -> 
         columns.append([Cell(NOTHING if error is None else f"{error:.3f}") for error in theirs])
         ours = frame[(frame["study"] == study) & (frame["figure"] == "ade_m")]
         columns += pivot(ours, ["place", "method"], places, names, metric_cell)
-    rows = [
-        Row(cells, name, name == methods.main.key)
-        for name, cells in zip(names, zip(*columns, strict=True), strict=True)
-    ]
+    rows = [method_row(n, own, methods) for n, own in zip(names, zip(*columns, strict=True), strict=True)]
     remarks = [Text(paper.remarks[study], "note") for study in studies if study in paper.remarks]
     remarks.append(Text("The paper's figures were measured on its own windows.", "note"))
     return [Section("Beside the paper's table", [*remarks, Table(header, rows)], "paper")]

@@ -68,14 +68,12 @@ def lanes_figure(scene: Scene) -> Figure:
     people = scene.trajectories
     assert people.velocity is not None
     end_s = people.time_s.max()
-    now = people.time_s == end_s
-    for track, (x, y), (v_x, _) in zip(
-        people.track_id[now], people.position[now], people.velocity[now], strict=True
-    ):
-        colour = _FORWARD if v_x > 0 else _BACKWARD
-        tail = (people.track_id == track) & (people.time_s >= end_s - _TAIL_S)
-        axes.plot(*people.position[tail].T, color=colour, linewidth=1, alpha=0.6)
-        axes.plot(x, y, "o", color=colour, markersize=5)
+    for rows in people.by_track():
+        if people.time_s[rows[-1]] == end_s:
+            colour = _FORWARD if people.velocity[rows[-1], 0] > 0 else _BACKWARD
+            tail = rows[people.time_s[rows] >= end_s - _TAIL_S]
+            axes.plot(*people.position[tail].T, color=colour, linewidth=1, alpha=0.6)
+            axes.plot(*people.position[rows[-1]], "o", color=colour, markersize=5)
     marks = [Line2D([], [], color=c, marker="o", linestyle="") for c in (_FORWARD, _BACKWARD)]
     axes.legend(marks, ["to the right", "to the left"], loc="lower right", ncols=2, bbox_to_anchor=(1, -0.2))
     axes.spines[:].set_color(INK)

@@ -48,33 +48,24 @@ def pivot(
     return [[cell(found[r, c]) if (r, c) in found else Cell(empty) for c in columns] for r in rows]
 
 
-def metric_cell(row: Any) -> Cell:
-    """Write a figure; its interval is a tooltip, and stands behind a paired difference to the reference."""
-    if row.figure == ADE_GAP:
-        value, bounds = figure_of(row)
-        words = interval(bounds, "+") if bounds else ""
-        return Cell(f"{value:+.3f}", _address(row), words, remark="paired difference")
-    text, words, unit = _written(row)
-    return Cell(text, _address(row), remark=f"95 % interval {words} {unit}" if words else "")
-
-
 def study_cell(row: Any) -> Cell:
     """Write a figure of several studies of a place, followed by its interval."""
-    text, bounds, unit = _written(row)
-    return Cell(text, f"{row.study}.{_address(row)}", bounds, unit)
-
-
-def _written(row: Any) -> tuple[str, str, str]:
-    """A figure, its interval or "", and the unit of both."""
     (value, bounds), unit = figure_of(row), METRICS[row.figure].unit
     scale, digits = (100.0, 2) if unit == "%" else (1.0, 3)
     text = f"{scale * value:.2f} %" if unit == "%" else f"{value:.{2 if unit == 'nats' else 3}f}"
-    return text, interval([scale * end for end in bounds], digits=digits) if bounds else "", unit
+    words = interval([scale * end for end in bounds], digits=digits) if bounds else ""
+    return Cell(text, f"{row.study}.{row.place}.{row.method}.{row.figure}", words, unit)
 
 
-def _address(row: Any) -> str:
-    """Where a figure is in the metric file."""
-    return f"{row.place}.{row.method}.{row.figure}"
+def metric_cell(row: Any) -> Cell:
+    """Write a figure; its interval is a tooltip, and stands behind a paired difference to the reference."""
+    address = f"{row.place}.{row.method}.{row.figure}"
+    if row.figure == ADE_GAP:
+        value, bounds = figure_of(row)
+        words = interval(bounds, "+") if bounds else ""
+        return Cell(f"{value:+.3f}", address, words, remark="paired difference")
+    cell = study_cell(row)
+    return Cell(cell.text, address, remark=cell.tip)
 
 
 def interval(bounds: Sequence[float], sign: str = "", digits: int = 3) -> str:
@@ -118,7 +109,7 @@ def metrics_table(result: Result, methods: Methods) -> Table:
         size = f"{figures.value(name, 'windows'):.0f} windows of {figures.value(name, 'tracks'):.0f} tracks"
         bounds = interval(figures.ade_bounds(name))
         own[0] = replace(own[0], bounds=bounds, remark=size, whisker=marks[name])
-        rows.append(_row(name, own, methods))
+        rows.append(method_row(name, own, methods))
     gap_title = f"ADE minus {methods.reference.label} [m]"
     return Table(["method", *map(metric_title, keys), gap_title], rows)
 
@@ -127,11 +118,8 @@ def whiskers(figures: Figures) -> dict[str, Whisker]:
     """The ADE of each method with its interval, on the scale that all but outliers share."""
     bounds = {name: figures.ade_bounds(name) for name in figures.methods}
     top, _ = scale_of({name: high for name, (_, high) in bounds.items()})
-    shown = {}
-    for name, (low, high) in bounds.items():
-        scaled = [100.0 * value / top for value in (low, figures.value(name), high)]
-        shown[name] = Whisker(*scaled, beyond=low > top)
-    return shown
+    ends = {name: (low, figures.value(name), high) for name, (low, high) in bounds.items()}
+    return {n: Whisker(*(100.0 * end / top for end in own), beyond=own[0] > top) for n, own in ends.items()}
 
 
 def scale_of(ends: Mapping[str, float]) -> tuple[float, str | None]:
@@ -151,7 +139,7 @@ def further_table(result: Result, methods: Methods) -> Table:
     frame = result.figures.frame[result.figures.frame["figure"].isin(keys)]
     names = methods.ordered(frame["method"])
     cells = pivot(frame, ["method", "figure"], names, keys, metric_cell)
-    rows = [_row(name, own, methods) for name, own in zip(names, cells, strict=True)]
+    rows = [method_row(name, own, methods) for name, own in zip(names, cells, strict=True)]
     return Table(["method", *map(metric_title, keys)], rows)
 
 
@@ -173,15 +161,11 @@ def scenes_table(result: Result, methods: Methods) -> Table:
 
 def steps_table(result: Result, methods: Methods) -> Table:
     """Mean and quartiles of the error over the horizon, a row per method."""
-    names, columns = (
-        methods.ordered(result.figures.methods),
-        [result.figures.over_steps(key) for key in STEPS],
-    )
-    rows = []
-    for name in names:
+    columns, rows = [result.figures.over_steps(key) for key in STEPS], []
+    for name in methods.ordered(result.figures.methods):
         values = zip(*(column[name] for column in columns), strict=True)
         texts = [f"{mean:.3f} ({low:.3f}, {median:.3f}, {high:.3f})" for mean, low, median, high in values]
-        rows.append(_row(name, [Cell(text) for text in texts], methods))
+        rows.append(method_row(name, map(Cell, texts), methods))
     return Table(["method", *(f"{step * result.dt_s:.1f} s" for step in columns[0].index)], rows)
 
 
@@ -197,16 +181,17 @@ def calibration_table(result: Result, methods: Methods) -> Table | None:
     for name in methods.ordered(nll.columns):
         cells = [" / ".join(f"{100.0 * shares[name][step]:.0f}" for step in steps) for shares in held]
         cells.append(" / ".join(f"{nll[name][step]:.2f}" for step in steps))
-        rows.append(_row(name, [Cell(text) for text in cells], methods))
+        rows.append(method_row(name, map(Cell, cells), methods))
     regions = [f"in the {100 * share:.0f} % region [%]" for share in REGIONS]
     return Table([f"after {times} s", *regions, "NLL [nats]"], rows)
 
 
 def findings_table(findings: Sequence[tuple[str, Finding]]) -> Table:
     """Expectations, the figures that decide, and the decision."""
-    rows = [Row([Cell(text) for text in (name, f.claim, f.measured, f.verdict)]) for name, f in findings]
+    rows = [Row([*map(Cell, (name, f.claim, f.measured, f.verdict))]) for name, f in findings]
     return Table(["where", "expected", "measured", "verdict"], rows, texts=4)
 
 
-def _row(name: str, cells: Sequence[Cell], methods: Methods) -> Row:
+def method_row(name: str, cells: Iterable[Cell], methods: Methods) -> Row:
+    """A row about a method, which begins with its label."""
     return Row([Cell(methods[name].label), *cells], name, name == methods.main.key)

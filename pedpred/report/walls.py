@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 
 from pedpred.evaluation.forecasts import EvaluationWindows
 from pedpred.report.canvas import FAINT, INK, blank, styled
+from pedpred.report.document import Picture
+from pedpred.report.gather import Evaluated
 from pedpred.report.instants import Instant
 from pedpred.report.methods import Methods
 from pedpred.report.plan import quarter_turns_of, turn_points
@@ -43,16 +45,27 @@ def wall_windows(windows: EvaluationWindows, scene: Scene, methods: Methods) -> 
     return rows[np.unique(np.round(np.array(RANKS) * (len(rows) - 1)).astype(int))] if len(rows) else rows
 
 
-def wall_caption(scene: Scene, windows: EvaluationWindows, methods: Methods) -> str:
-    """What `wall_figure` shows, and by which rule."""
+def wall_pictures(evaluated: Evaluated, how: str, methods: Methods) -> list[Picture]:
+    """Forecasts at the places where straight ones often meet walls; `how` says how networks were trained."""
+    pictures, straight, main = [], methods.simple[0], methods.main
     ranks = ", ".join(f"{100 * rank:.0f}" for rank in RANKS)
-    straight, main = methods.simple[0].label, methods.main
-    return (
-        f"{scene.name}: for each person, the window in which most points of the {straight} forecast lie in "
-        f"obstacles; shown are those at the {ranks} % quantiles of the {main.label}'s error. "
-        "Dots: point forecasts; "
-        f"{reading_of_modes([windows], main)}dashed: the true path; grey: other people."
-    )
+    for result in evaluated.results:
+        share = result.figures.get(straight.key, "obstacle_share")
+        windows = evaluated.windows.get(result.name)
+        if windows is None or not {main.key, straight.key} <= windows.predictions.keys():
+            continue
+        if share is None or share.value < LEAST_SHARE:
+            continue
+        caption = (
+            f"{result.name}: for each person, the window in which most points of the {straight.label} "
+            f"forecast lie in obstacles; shown are those at the {ranks} % quantiles of the {main.label}'s "
+            f"error. Dots: point forecasts; {reading_of_modes([windows], main)}dashed: the true path; grey: "
+            f"other people. Networks: {how}."
+        )
+        scene = evaluated.scene(result.name)
+        figure = wall_figure(scene, windows, wall_windows(windows, scene, methods), methods)
+        pictures.append(Picture(f"walls_{result.name}", caption, figure))
+    return pictures
 
 
 @styled

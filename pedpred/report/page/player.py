@@ -54,7 +54,7 @@ class Replay:
     """The player's data."""
 
     header: dict[str, Any]  # names, sizes and units
-    data: str  # everything else, see `pack`
+    data: str  # everything else
 
 
 def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, methods: Methods) -> Replay:
@@ -65,48 +65,73 @@ def replay(scene: Scene, windows: EvaluationWindows, settings: ReplaySettings, m
     """
     shown = methods.ordered(windows.predictions.keys() & {*settings.methods, methods.main.key})
     several = [name for name in shown if windows.predictions[name].modes > 1]
-    stretch = _Stretch(scene, windows, settings.duration_s)
+    stretch, seen = _Stretch(scene, windows, settings.duration_s), scene.trajectories
+    rows, horizon_s = stretch.rows, windows.truth.shape[1] * windows.dt_s
+    kept = stretch.kept(seen.track_id, seen.time_s, -TAIL_S, stretch.duration_s + horizon_s)
+    heading = windows.heading_rad[rows] + stretch.turns * np.pi / 2
     data = {
         "map": stretch.image.ravel().astype(int).tolist(),
-        "seen": stretch.detections(),
-        "rows": stretch.windows_by_track(),
-        "heading": stretch.headings(),
-        "speed": np.rint(100.0 * np.hypot(*windows.velocity[stretch.rows].T)).astype(int).tolist(),
+        "seen": stretch.numbers(seen.track_id[kept], seen.time_s[kept], stretch.plan_mm(seen.position[kept])),
+        "rows": stretch.numbers(windows.track_id[rows], windows.time_s[rows], stretch.at_mm),
+        "heading": np.rint(1e4 * np.angle(np.exp(1j * heading))).astype(int).tolist(),
+        "speed": np.rint(100.0 * np.hypot(*windows.velocity[rows].T)).astype(int).tolist(),
         "paths": {"truth": stretch.bends(windows.truth, PATH_MM)}
         | {name: stretch.bends(windows.predictions[name].point, PATH_MM) for name in shown},
         "modes": {name: stretch.modes(windows.predictions[name], settings) for name in several},
     }
-    header = stretch.header() | {"methods": shown, "modes": several, "drawn": methods.main.key}
-    return Replay(header, pack(data))
+    header = {
+        "name": scene.name,
+        "start_s": round(stretch.start_s, 2),
+        "duration_s": stretch.duration_s,
+        "step_s": windows.dt_s,
+        "steps": windows.truth.shape[1],
+        "gap_s": round(LONGEST_GAP * scene.detection_dt_s, 3),
+        "hold_s": round(LONGEST_GAP * max(scene.detection_dt_s, _forecast_dt_s(windows)), 3),
+        "tail_s": TAIL_S,
+        "size_m": [round(side, 3) for side in stretch.size],
+        "map_cells": stretch.image.T.shape,
+        "cell_m": windows.grid_resolution_m,
+        "grid_cells": windows.grid_cells,
+        "cones": windows.angular_grid_m.shape[1],
+        "range_m": windows.max_range_m,
+        "path_mm": PATH_MM,
+        "mode_mm": MODE_MM,
+        "weight": WEIGHT,
+        "methods": shown,
+        "modes": several,
+        "drawn": methods.main.key,
+    }
+    text = json.dumps(data, separators=(",", ":")).encode()
+    return Replay(header, base64.b64encode(gzip.compress(text, mtime=0)).decode())
 
 
 class _Stretch:
     """The part of a scene that is kept, turned and moved into the plan."""
 
     def __init__(self, scene: Scene, windows: EvaluationWindows, longest_s: float):
-        self.scene, self.windows, self.turns = scene, windows, quarter_turns_of(scene.camera)
+        self.turns = quarter_turns_of(scene.camera)
         self.image, (left, right, bottom, top) = obstacle_image(scene.occupancy, self.turns)
         self.corner, self.size = np.array([left, bottom]), (right - left, top - bottom)
         self.start_s = busiest_start(windows.time_s, longest_s)
         self.duration_s = round(min(longest_s, float(windows.time_s.max()) - self.start_s), 2)
-        self.rows = self._kept(windows.track_id, windows.time_s, 0.0, self.duration_s)
-        self.at_mm = np.rint(self._plan_mm(windows.position[self.rows]))
+        self.rows = self.kept(windows.track_id, windows.time_s, 0.0, self.duration_s)
+        self.at_mm = np.rint(self.plan_mm(windows.position[self.rows]))
 
-    def detections(self) -> dict[str, list[int]]:
-        """Tracks, times and positions from the first tail to the end of the last forecast."""
-        seen, horizon_s = self.scene.trajectories, self.windows.truth.shape[1] * self.windows.dt_s
-        kept = self._kept(seen.track_id, seen.time_s, -TAIL_S, self.duration_s + horizon_s)
-        return self._numbers(seen.track_id[kept], seen.time_s[kept], self._plan_mm(seen.position[kept]))
+    def kept(self, track_id: np.ndarray, time_s: np.ndarray, begin_s: float, end_s: float) -> np.ndarray:
+        """Rows between two times after the beginning, sorted by track and time."""
+        order = np.lexsort((time_s, track_id))
+        since_s = time_s[order] - self.start_s
+        return order[(since_s >= begin_s - 1e-6) & (since_s <= end_s + 1e-6)]
 
-    def windows_by_track(self) -> dict[str, list[int]]:
-        """Tracks, times and positions of the forecasts."""
-        return self._numbers(self.windows.track_id[self.rows], self.windows.time_s[self.rows], self.at_mm)
+    def plan_mm(self, points: np.ndarray) -> np.ndarray:
+        """World points (m, [..., 2]) in the plan."""
+        return 1000.0 * (turn_points(points, self.turns) - self.corner)
 
-    def headings(self) -> list[int]:
-        """Heading of each row in the plan, 0.1 mrad."""
-        heading = self.windows.heading_rad[self.rows] + self.turns * np.pi / 2
-        numbers: list[int] = np.rint(1e4 * np.angle(np.exp(1j * heading))).astype(int).tolist()
-        return numbers
+    def numbers(self, track_id: np.ndarray, time_s: np.ndarray, at_mm: np.ndarray) -> dict[str, list[int]]:
+        """Tracks, times and positions as differences of neighbouring whole numbers; the first one's to 0."""
+        clock = 100.0 * (time_s - self.start_s)
+        values = {"track": track_id, "clock": clock, "x": at_mm[:, 0], "y": at_mm[:, 1]}
+        return {n: np.diff(np.rint(v).astype(np.int64), prepend=0).tolist() for n, v in values.items()}
 
     def bends(self, paths: np.ndarray, step_mm: int, shown: np.ndarray | None = None) -> list[Any]:
         """Second differences of the points of paths (m, [W, P, 2]) from the present on, in steps. [2][P][R].
@@ -114,7 +139,7 @@ class _Stretch:
         A path that goes straight on at one speed has only its first point; the others are 0, as are all of
         paths that are not shown.
         """
-        points = np.rint((self._plan_mm(paths[self.rows]) - self.at_mm[:, None]) / step_mm).astype(int)
+        points = np.rint((self.plan_mm(paths[self.rows]) - self.at_mm[:, None]) / step_mm).astype(int)
         if shown is not None:
             points[~shown] = 0
         return np.diff(points, 2, axis=1, prepend=np.zeros((len(points), 2, 2), int)).T.tolist()
@@ -128,58 +153,8 @@ class _Stretch:
             for mode, own in enumerate(parts.T)
         ]
 
-    def header(self) -> dict[str, Any]:
-        """Names, sizes and units."""
-        windows, detection_dt_s = self.windows, self.scene.detection_dt_s
-        return {
-            "name": self.scene.name,
-            "start_s": round(self.start_s, 2),
-            "duration_s": self.duration_s,
-            "step_s": windows.dt_s,
-            "steps": windows.truth.shape[1],
-            "gap_s": round(LONGEST_GAP * detection_dt_s, 3),
-            "hold_s": round(LONGEST_GAP * max(detection_dt_s, _forecast_dt_s(windows)), 3),
-            "tail_s": TAIL_S,
-            "size_m": [round(side, 3) for side in self.size],
-            "map_cells": self.image.T.shape,
-            "cell_m": windows.grid_resolution_m,
-            "grid_cells": windows.grid_cells,
-            "cones": windows.angular_grid_m.shape[1],
-            "range_m": windows.max_range_m,
-            "path_mm": PATH_MM,
-            "mode_mm": MODE_MM,
-            "weight": WEIGHT,
-        }
-
-    def _kept(self, track_id: np.ndarray, time_s: np.ndarray, begin_s: float, end_s: float) -> np.ndarray:
-        """Rows between two times after the beginning, sorted by track and time."""
-        order = np.lexsort((time_s, track_id))
-        since_s = time_s[order] - self.start_s
-        return order[(since_s >= begin_s - 1e-6) & (since_s <= end_s + 1e-6)]
-
-    def _plan_mm(self, points: np.ndarray) -> np.ndarray:
-        """World points (m, [..., 2]) in the plan."""
-        return 1000.0 * (turn_points(points, self.turns) - self.corner)
-
-    def _numbers(self, track_id: np.ndarray, time_s: np.ndarray, at_mm: np.ndarray) -> dict[str, list[int]]:
-        clock = 100.0 * (time_s - self.start_s)
-        values = {"track": track_id, "clock": clock, "x": at_mm[:, 0], "y": at_mm[:, 1]}
-        return {name: _changes(np.rint(series)) for name, series in values.items()}
-
-
-def _changes(values: np.ndarray) -> list[int]:
-    """Differences of neighbouring whole numbers; the first one's to 0."""
-    changes: list[int] = np.diff(values.astype(np.int64), prepend=0).tolist()
-    return changes
-
 
 def _forecast_dt_s(windows: EvaluationWindows) -> float:
     """Usual time between two instants with forecasts, s; longer than between detections behind a sensor."""
     between = np.diff(np.unique(windows.time_s))
     return float(np.quantile(between, 0.25)) if len(between) else 0.0
-
-
-def pack(data: dict[str, Any]) -> str:
-    """Compress lists of numbers and their names; the same ones give the same text."""
-    text = json.dumps(data, separators=(",", ":")).encode()
-    return base64.b64encode(gzip.compress(text, mtime=0)).decode()
