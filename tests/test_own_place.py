@@ -51,9 +51,11 @@ def run(script, cfg, **given):
     """A stage's script in this process."""
     stage, seen = importlib.import_module(f"stages.{script}"), configured(json.dumps(cfg))
     seen.update(given)
-    stage.main.__wrapped__(seen)
-    for key in given:
-        del seen[key]
+    try:
+        stage.main.__wrapped__(seen)
+    finally:
+        for key in given:
+            del seen[key]
 
 
 def bring(project, name):

@@ -75,8 +75,8 @@ def test_a_command_on_a_page_runs(page, folder, model, monkeypatch):
 @functools.cache
 def targets():
     """Names of stages, of their families and of pipelines, as DVC takes them for targets."""
-    names = {stage.name for stage in stages()}
     files = {str(path.relative_to(ROOT)) for path in config.pipelines(ROOT)}
+    names = {stage.name for stage in stages()} | {f"{stage.path_in_repo}:{stage.name}" for stage in stages()}
     return files | names | {name.partition("@")[0] for name in names}
 
 
