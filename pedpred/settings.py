@@ -15,11 +15,11 @@ whole, so that files which settings are written to keep their bytes.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache
 from numbers import Integral, Real
 from types import NoneType, UnionType
-from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -34,8 +34,12 @@ LARGEST_SEED = 2**32 - 1
 """Of the generators of all random numbers."""
 
 
-class In(NamedTuple):
-    """Numbers lie in an interval, such as "(0, 1]"."""
+@dataclass(frozen=True)
+class In:
+    """Numbers lie in an interval, such as "(0, 1]".
+
+    Rules of different kinds are not equal: of equal annotations, typing keeps the first.
+    """
 
     interval: str
 
@@ -47,7 +51,8 @@ class In(NamedTuple):
             raise ValueRuleError(path, value, f"it must be {what} in {self.interval}")
 
 
-class OneOf(NamedTuple):
+@dataclass(frozen=True)
+class OneOf:
     """Texts are one of some names."""
 
     names: Collection[str]

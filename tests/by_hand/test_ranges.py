@@ -1,6 +1,7 @@
 """Numbers of settings and their ranges: the outermost right values, and the nearest wrong ones."""
 
 import math
+from typing import Annotated, get_args
 
 import pytest
 
@@ -17,7 +18,8 @@ from pedpred.models.mixture.network import MixtureSettings
 from pedpred.rows.recorded import ViewingSettings
 from pedpred.rows.sampling import RowSettings
 from pedpred.rows.simulated import SequenceSets, SimulatedSet
-from pedpred.settings import load
+from pedpred.settings import In, Range, load
+from pedpred.simulation.worlds.drawing import LogUniform, Uniform
 from pedpred.training import AutoencoderSettings
 from pedpred.training.augmentation import Augmentation
 from pedpred.training.distributed import ThreadSettings
@@ -137,3 +139,10 @@ def test_a_number_is_in_its_range_or_refused(kind, usual, name, right, wrong):
     for value in wrong:
         with refused(name):
             kind(**usual | {name: value})
+
+
+def test_rules_of_one_interval_stay_apart():
+    """Some versions of Python answer equal annotations with the first of them."""
+    kinds = (In, Uniform, LogUniform)
+    hints = [Annotated[Range, kind("(0, 1000]")] for kind in kinds]
+    assert tuple(type(get_args(hint)[1]) for hint in hints) == kinds
