@@ -70,10 +70,12 @@ def test_contacts_begin_where_the_distance_is_that_of_the_radii(dt_s):
         assert found.fault[z] == (velocity @ at / 0.7 > 0.05)
 
 
-def test_a_contact_in_plain_numbers():
-    """From 1.5 m, 0.42 m aside: 0.56 m ahead at 0.7 m, after (1.5 - 0.56) / 2 of an interval of 0.4 s."""
-    found = find_contacts(drive_of([[1.0, 3.0], [1.5, 3.0]], [[[2.5, 3.42], [1.0, 3.42]]]), 0.4)
-    assert found.time_s.tolist() == pytest.approx([0.4 * 0.47])
+@pytest.mark.parametrize(("aside_m", "ahead_m"), [(0.42, 0.56), (0.56, 0.42)])
+def test_a_contact_in_plain_numbers(aside_m, ahead_m):
+    """From 1.5 m ahead to 0.5 m behind in 0.4 s: 0.7 m away where `ahead_m` is left; the second passes."""
+    y = 3.0 + aside_m
+    found = find_contacts(drive_of([[1.0, 3.0], [1.5, 3.0]], [[[2.5, y], [1.0, y]]]), 0.4)
+    assert found.time_s.tolist() == pytest.approx([0.4 * (1.5 - ahead_m) / 2])
     assert found.speed_mps.tolist() == pytest.approx([5.0])
     assert found.fault.tolist() == [True]
 
