@@ -61,7 +61,7 @@ SCOPE = (
 TESTS = (
     *("comparison", "displacement", "evaluation", "evaluation_memory", "features", "learning"),
     *("matching", "noise", "predictions", "reduction", "regions", "selection", "tracking", "trust"),
-    "windows",
+    *("windows", "literature_study", "situations", "rows", "batch"),
 )
 """Modules of tests that hold laws and values of the core, besides tests/by_hand."""
 WORK, REPORT, REASONS = (
