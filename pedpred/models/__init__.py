@@ -1,4 +1,4 @@
-"""The learned models: what each reads, computes and is trained on, in a folder of its own."""
+"""The learned models: what each reads and computes, in a folder of its own."""
 
 from typing import NamedTuple
 

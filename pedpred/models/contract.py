@@ -1,6 +1,6 @@
 """The contract of networks, with or without a memory: what training, evaluation and export need of them.
 
-One file per architecture implements `NetworkSettings` and `ForecastNetwork`, one line of
+One module or folder per architecture implements `NetworkSettings` and `ForecastNetwork`, one line of
 `pedpred.models` names it.
 """
 
@@ -17,7 +17,7 @@ UNITS = "[1, 65536]"
 """Valid numbers of units of a layer."""
 
 Tensors = dict[str, Tensor]
-"""Recurrent state, [N, ...] each, one row per track; or a network's outputs, [B, L, ...] each."""
+"""Recurrent state, [N, ...] each, one row per track; or outputs, with the leading axes of the inputs."""
 
 
 class NetworkSettings(Protocol):
@@ -89,11 +89,13 @@ class ForecastNetwork(nn.Module, ABC):
         """Forecast after every step of a sub-sequence.
 
         Args:
-            inputs: channel -> [B, L, width].
+            inputs: channel -> [B, L, width]; of networks without a memory also [B, width], single instants,
+                so such a network must work with any leading axes.
             state: before the sub-sequence. [B, ...] each
 
         Returns:
-            Outputs, whose meaning is the network's own, [B, L, ...] each, and the state afterwards.
+            Outputs, whose meaning is the network's own, [B, L, ...] each, or [B, ...] for single instants;
+            and the state afterwards.
         """
 
     def step(self, inputs: Mapping[str, Tensor], state: Tensors) -> tuple[Tensors, Tensors]:

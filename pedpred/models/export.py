@@ -52,7 +52,7 @@ class ExportedStep(nn.Module):
 
     def advance(self, *values: Tensor) -> tuple[Tensors, Tensors]:
         """The same, by name; the outputs in the order of `TENSORS`."""
-        channels = dict(zip(self.inputs, values, strict=False))
+        channels = dict(zip(self.inputs, values, strict=False))  # the values of the state follow
         state: Tensors = dict(zip(self.memory, values[len(self.inputs) :], strict=True))
         if "crop" in channels and self.encoder is not None:
             channels["grid"] = self.encoder.embedding(channels.pop("crop"))

@@ -1,4 +1,4 @@
-"""The kinds of networks by what they read, and what rows for them are made with."""
+"""The input sets of networks, and what rows for them are made with."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.settings import check_choice, load
 
 FEATURES: dict[str, type[ModelFeatures]] = {"lstm": LstmFeatures, "mixture": MixtureFeatures}
-"""Kind of network, also a row of conf/features -> the settings of its inputs."""
+"""Input set ("model" in row files), also a row of conf/features -> its settings.
+
+An architecture reads one input set; several may read the same.
+"""
 
 
 def parse_features(model: str, plain: Mapping[str, Any], path: str = "") -> ModelFeatures:
@@ -37,8 +40,8 @@ class RowFormat:
 
     Attributes:
         protocol: time step and horizon.
-        model: whose inputs they hold, a key of `FEATURES`.
-        features: sizes of these inputs.
+        model: the input set that they hold, a key of `FEATURES`.
+        features: its settings.
     """
 
     protocol: ForecastProtocol

@@ -32,9 +32,10 @@ def outputs_at_instants(
         [W, ...] each
     """
     start, lane = np.unique(first, return_inverse=True)
-    length = np.zeros(len(start), np.int64)
+    length = np.zeros(len(start), np.int64)  # number of steps that each track is needed for
     np.maximum.at(length, lane, before + on_step)
     by_length = np.argsort(-length, kind="stable")
+    # Sorted, the longest track first; lane: place of each instant's track in this order.
     start, length, lane = start[by_length], length[by_length], np.argsort(by_length)[lane]
     whole: Tensors = {}
     for at in range(0, len(start), _TRACKS_AT_ONCE):
@@ -51,6 +52,7 @@ def outputs_at_instants(
             with torch.inference_mode():
                 outputs, state = network(inputs, select(state, lanes))
             state = select(state, slice(going))
+            # source: row of `outputs` for each instant that is due
             source = np.where(on_step[due], lane[due] - at, going + np.cumsum(~on_step[due]) - 1)
             for name, values in outputs.items():
                 if name not in whole:

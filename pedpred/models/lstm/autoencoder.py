@@ -107,7 +107,7 @@ def _sides(cells: int) -> list[int]:
 
 def _transposed(hidden: Tensor, weight: Tensor, bias: Tensor, side: int) -> Tensor:
     """Transpose of a stride-2 convolution with the same weights; side: cells per side of its output."""
-    padding = dict(_CONVOLUTIONS)[weight.shape[-1]]
+    padding = dict(_CONVOLUTIONS)[weight.shape[-1]]  # equal kernel sizes have equal padding
     rest = side - (2 * (hidden.shape[-1] - 1) - 2 * padding + weight.shape[-1])
     return f.conv_transpose2d(hidden, weight, bias, stride=2, padding=padding, output_padding=rest)
 

@@ -38,6 +38,7 @@ def encode(encoder: GridEncoder, packed: np.ndarray) -> np.ndarray:
     Returns:
         Embeddings. [M, C] float32
     """
+    # In place: `fast` is `encoder`, not a copy.
     fast = encoder.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     # Filled, not collected: small pieces kept between the layers' large outputs make the heap grow.
     embeddings = np.empty((len(packed), encoder.fc.in_features), np.float32)

@@ -1,4 +1,4 @@
-"""Encoders of what surrounds a person: neighbours as a set, obstacles as distances along beams."""
+"""Encoders of a person's own motion, of neighbours as a set, and of obstacles along beams."""
 
 from __future__ import annotations
 
@@ -19,24 +19,26 @@ _STIRS = 1e-3
 """m/s or m; a motion of this size counts half. Rounding of world coordinates is far below."""
 
 
+# Numbers of `own_motion`, of T past positions that include the present one: state 2 | history 3 T | last 2 |
+# spread 3 | age 1 | seen 2 | speed 1 | jitter T - 2. `own_signs` and `motion_known` repeat this order.
 def own_motion(inputs: Mapping[str, Tensor]) -> Tensor:
-    """A person's own channels, scaled to about 1: "state", "history", "track". [N, width + 1 + H].
+    """A person's own channels, scaled to about 1: "state", "history", "track". [N, 4 T + 9].
 
-    The last H - 2 numbers are how far each of the H past positions is from the middle between its
+    The last T - 2 numbers are how far each of the T past positions is from the middle between its
     neighbours in time, which tells how noisy detections are.
     """
     state, track = inputs["state"], inputs["track"]
-    last, variance, age = track[:, :2], track[:, 2:5], track[:, 5:]
+    last, variance, age = track[:, :2], track[:, 2:5], track[:, 5:]  # variance: P_pp, P_pv, P_vv
     seen = (OLD * age - age.new_tensor([0.0, 1.0])).clamp(0.0, 1.0)  # more than once, more than twice
     spread = variance.clamp(min=0.0).sqrt() * variance.new_tensor([5.0, 3.0, 1.0])
     speed = torch.linalg.vector_norm(state, dim=-1, keepdim=True)
-    x, y, there = inputs["history"].unflatten(-1, (-1, PAST)).unbind(-1)  # [N, H] each
+    x, y, there = inputs["history"].unflatten(-1, (-1, PAST)).unbind(-1)  # [N, T] each
     jitter = there[:, 2:] * (1.0 - torch.exp(-5.0 * _length(_bend(x), _bend(y))))
     return torch.cat([state, inputs["history"], 0.5 * last, spread, age, seen, speed, jitter], dim=-1)
 
 
 def _bend(x: Tensor) -> Tensor:
-    """Second differences. [N, H] -> [N, H - 2]."""
+    """Second differences. [N, T] -> [N, T - 2]."""
     return x[:, 2:] - 2.0 * x[:, 1:-1] + x[:, :-2]
 
 
@@ -53,7 +55,8 @@ def motion_known(motion_inputs: Tensor) -> Tensor:
         motion_inputs: of `own_motion`.
     """
     past = (motion_inputs.shape[-1] - 9) // (PAST + 1)
-    motion = [1.0, 1.0, *[1.0, 1.0, 0.0] * past, 2.0, 2.0, *[0.0] * (past + 5)]  # (m/s or m) per number
+    # (m/s or m) per number; 2: `own_motion` halves "last"
+    motion = [1.0, 1.0, *[1.0, 1.0, 0.0] * past, 2.0, 2.0, *[0.0] * (past + 5)]
     size = (motion_inputs.abs() * motion_inputs.new_tensor(motion)).amax(dim=-1, keepdim=True)
     return size / (size + _STIRS)
 
@@ -62,13 +65,15 @@ class NeighbourEncoder(nn.Module):
     """The same small network for every neighbour, then their largest and their summed features.
 
     Attributes:
-        units: of the result.
+        units: of the result: twice the argument `units`.
+        crowd: number of neighbours that are read, K.
+        wide: numbers that the small network gives for a neighbour, of all sides.
     """
 
     def __init__(self, observer: int, width: int, units: int, sides: int):
         super().__init__()
         self.units, self.crowd, self.wide = 2 * units, width // NEIGHBOUR, sides * units
-        self.first = MirroredLinear([1.0, -1.0] * 3 + [1.0] * 4, units, sides)
+        self.first = MirroredLinear([1.0, -1.0] * 3 + [1.0] * 4, units, sides)  # signs of `_facts`, in order
         self.second, self.observer = nn.Linear(units, units), nn.Linear(observer, units)
 
     def forward(self, neighbours: Tensor, state: Tensor, encoded_motion: Tensor) -> Tensor:
@@ -80,7 +85,7 @@ class NeighbourEncoder(nn.Module):
             encoded_motion: of the observers, from each side. [N * sides, observer]
 
         Returns:
-            [N * sides, units]
+            [N * sides, self.units]
         """
         crowd, wide, units = self.crowd, self.wide, self.second.in_features
         x, y, vx, vy, weight = neighbours.reshape(-1, crowd, NEIGHBOUR).unbind(-1)  # [N, K] each
@@ -109,10 +114,13 @@ def _length(x: Tensor, y: Tensor) -> Tensor:
 
 
 class BeamEncoder(nn.Module):
-    """Patches of eight neighbouring beams, every fourth, share one layer; a second one joins them.
+    """Patches of eight neighbouring beams share one layer; a second layer joins them.
+
+    Beams are taken in groups of four: a patch is a group and the one before.
 
     Attributes:
         units: of the result.
+        quarters: number of groups.
     """
 
     def __init__(self, beams: int, units: int, sides: int):
@@ -123,6 +131,7 @@ class BeamEncoder(nn.Module):
     def forward(self, beams: Tensor) -> Tensor:
         """Encode distances to obstacles, m, from each side. [N, beams] -> [N * sides, units]."""
         seen = torch.cat([beams, mirrored_beams(beams)][: self.sides], dim=-1).reshape(-1, self.quarters, 4)
+        # 0.1: 1 / 10 m, the default of `beam_range_m`, whatever range is set
         quarter = torch.cat([1.0 - 0.1 * seen, torch.exp(-seen)], dim=-1)
         patches = torch.cat([quarter.roll(1, 1), quarter], dim=-1).reshape(-1, 16)
         return torch.relu(self.join(torch.relu(self.patch(patches)).reshape(-1, self.join.in_features)))

@@ -47,7 +47,7 @@ class MixtureSettings(Settings):
         likelihood: weight of the negative log likelihoods beside the error of the point forecast.
         closest: weight of the error of the closest mode.
         sharpness: steps of a path that count as independent in its likelihood.
-        balance_m: errors of people are weighed by 1 / (balance_m + error of constant velocity).
+        balance_m: errors of people are weighted by 1 / (balance_m + error of constant velocity).
         mirrored: whether it looks at the mirror image, too.
         unread: those of `SURROUNDINGS` that it does not read; or "neighbour_velocities", then it reads where
             neighbours are, as the angular grid of the LSTM says it, and not how they move.
@@ -99,8 +99,15 @@ class MixtureNetwork(ForecastNetwork):
     """An encoder per channel, fully connected layers, and a head per output.
 
     Its outputs, agent frame: "velocities" of the point forecast [..., P, 2], m/s; "modes", the velocities of
-    each mode [..., K, P, 2]; "weight", their log probabilities [..., K]; "spread" (a, c, k) of the positions
-    in each mode [..., K, P, 3], see `pedpred.models.gaussian`; "prior", constant velocity.
+    each mode [..., K, P, 2]; "weight", their log probabilities [..., K]; "spread", raw numbers that
+    `pedpred.models.gaussian.spread_of` turns into (a, c, k) of the positions in each mode [..., K, P, 3];
+    "prior", constant velocity, [..., P, 2], m/s.
+
+    Attributes:
+        sides: 1, or 2 with the mirror image.
+        sizes: how many numbers each head gives for a side.
+        signs: of all these numbers, for each side: -1 where the mirror image changes the sign.
+            [sides, sum of sizes]
     """
 
     settings: MixtureSettings
@@ -116,6 +123,7 @@ class MixtureNetwork(ForecastNetwork):
         fused = motion + self.neighbours.units + self.beams.units
         self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise((fused, units, units, units)))
         paths = half * horizon_steps
+        # Signs of the numbers of each head in the mirror image.
         left = {
             "velocities": [1.0, -1.0] * horizon_steps,
             "modes": [1.0, -1.0] * paths,
@@ -151,10 +159,10 @@ class MixtureNetwork(ForecastNetwork):
         if _VELOCITIES in self.settings.unread:
             seen["neighbours"] = _standing(seen["neighbours"])
         motion = own_motion(seen)
-        known = motion_known(motion)
+        known = motion_known(motion)  # from 0 to 1, not the mask of steps that `loss` gets
         velocities, paths, weight, spread = self._heads(self._look(seen, motion, known))
         now, known = seen["state"][:, None].expand(-1, steps, -1), known[..., None]
-        a, c, k = spread.reshape(-1, modes, steps, 3).unbind(-1)
+        a, c, k = spread.reshape(-1, modes, steps, 3).unbind(-1)  # raw: equal raw numbers are equal widths
         wide, longer = 0.5 * (a + c), 0.5 * known * (a - c)  # without a heading, as wide in each direction
         return {
             "velocities": now + known * velocities.mean(dim=1).reshape(-1, steps, 2),
@@ -165,7 +173,7 @@ class MixtureNetwork(ForecastNetwork):
         }, {}
 
     def _look(self, inputs: Mapping[str, Tensor], motion: Tensor, known: Tensor) -> Tensor:
-        """Everything that is seen, from each side. [N * sides, units]."""
+        """Everything that is seen, from each side; known: of `motion_known`. [N * sides, units]."""
         motion = self.own(motion)
         around = self.neighbours(inputs["neighbours"], inputs["state"], motion)
         surroundings = torch.cat([around, self.beams(inputs["beams"])], dim=-1)
@@ -188,7 +196,7 @@ class MixtureNetwork(ForecastNetwork):
     def loss(self, outputs: Tensors, future: Tensor, known: Tensor, dt_s: float) -> Loss:
         """Mean distance of the point forecast and of the closest mode, and two negative log likelihoods.
 
-        Distances are weighed by 1 / (balance_m + error of constant velocity), so that people who hardly move
+        Distances are weighted by 1 / (balance_m + error of constant velocity), so that people who hardly move
         count as much as those who turn. The likelihood of every step by itself is what coverage measures;
         that of whole paths divides the modes among the ways that people may take.
         """
@@ -245,6 +253,6 @@ def _over_steps(values: Tensor, known: Tensor) -> Tensor:
 
 
 def _standing(neighbours: Tensor) -> Tensor:
-    """Neighbours whose velocities are zero. [N, K * NEIGHBOUR]."""
+    """Neighbours whose velocities are zero. [N, neighbours * NEIGHBOUR]."""
     place, velocity, weight = neighbours.reshape(len(neighbours), -1, NEIGHBOUR).split([2, 2, 1], dim=-1)
     return torch.cat([place, torch.zeros_like(velocity), weight], dim=-1).flatten(1)

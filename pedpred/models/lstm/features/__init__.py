@@ -21,6 +21,10 @@ from pedpred.settings import In, Settings
 class LstmFeatures(Settings):
     """Sizes of the grids; the defaults are the paper's.
 
+    Names of the two grids: the stored "occupancy" (bits) is the input "crop" of the graph (cells), and the
+    encoder's embedding of it is the channel "grid"; the stored "angular_grid" (m) becomes the channel
+    "angular" (1 - r / r_max).
+
     Attributes:
         grid_cells: cells per side of the occupancy crop.
         grid_resolution_m: side of a crop cell, m.

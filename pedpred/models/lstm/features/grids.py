@@ -1,4 +1,4 @@
-"""The compiled inputs: occupancy crops and the angular pedestrian grid (Pfeiffer et al. 2018, III-B)."""
+"""Occupancy crops and the angular pedestrian grid (Pfeiffer et al. 2018, III-B), compiled."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def _scan(position, heading_rad, crowd, crowd_track, own_track, crowd_span, max_
         for c in range(count):
             dx, dy = crowd[first + c, 0] - x, crowd[first + c, 1] - y
             square[c] = dx * dx + dy * dy
-            angle = _rough_angle(dx, dy) - turned
+            angle = _rough_angle(dx, dy) - turned  # [-pi, pi] - [0, 2 pi)
             angle = angle + _TURN if angle < 0.0 else angle
             angle = angle + _TURN if angle < 0.0 else angle
             cone[c] = angle * cells_per_rad

@@ -32,7 +32,8 @@ class MixtureFeatures(Settings):
         history_steps: earlier positions, dt_s apart.
         neighbours: nearest people.
         neighbour_range_m: as far as they are seen, m.
-        beams: directions in which the distance to obstacles is measured; a multiple of 4.
+        beams: directions in which the distance to obstacles is measured; a multiple of 4, since the network
+            reads them in groups of four.
         beam_range_m: as far as obstacles are seen, m.
     """
 

@@ -72,8 +72,9 @@ def _first_wall(
 ):  # pragma: no cover (compiled)
     """How far it is to the first blocked cell behind a free one along a beam, or `reach`.
 
-    From edge to edge along the axis u, along which the beam is faster: in between lie one cell or two. None
-    waits for the step before, so that the processor works on several steps at once. Lengths are in cells.
+    From edge to edge along the axis u, along which the beam is faster: in between lie one cell or two. No
+    step needs the result of the one before, so that the processor works on several steps at once. Lengths
+    are in cells.
 
     Args:
         cells: of the map, row by row.
@@ -94,6 +95,8 @@ def _first_wall(
     step, slope = (1 if way_u > 0 else -1), way_v / abs(way_u)
     edge = first + (way_u > 0)
     crossing = v + (edge - u) * (way_v / way_u)
+    # crossing: v where the beam leaves the column of cells that begins at `row` of `cells`; here: the cell of
+    # this column where the beam enters it; there: the one where it leaves it
     row = first * row_u
     here = row + min(max(int(v + enter * way_v), 0), size_v - 1) * row_v
     inside = enter == 0.0 and cells[here]
@@ -104,7 +107,7 @@ def _first_wall(
         inside = leaving and cells[np.uint64(there)]
         if (
             not leaving and cells[np.uint64(here)] | cells[np.uint64(there)]
-        ):  # unsigned: none counts from the end
+        ):  # unsigned indices: no check for negative ones
             at = (edge + (k - 1) * step - u) / way_u if k else enter
             if not cells[here]:
                 at = max(at, (beside + (way_v < 0) - v) / way_v)

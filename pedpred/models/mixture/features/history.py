@@ -32,7 +32,8 @@ def past_positions(
     After the last detection the tracked motion stands for it; before the first one nothing is known.
 
     Args:
-        trail_s: kept detections (`spaced`) of all people, each one's in the order of time, s. [T]
+        trail_s: kept detections (`pedpred.tracking.spacing`) of all people, each one's in the order of
+            time, s. [T]
         trail: their positions, world frame, m. [T, 2]
         first: row of each person's first detection of the same life in the trail. [Q]
         last: one past the row of the last one before `seen_s`. [Q]

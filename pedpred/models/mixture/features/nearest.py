@@ -15,6 +15,7 @@ The weight is 1, and falls to 0 over the last `FADE_M` of the range, so that nob
 """
 
 FADE_M = 2.0
+"""Width of the outer part of the range in which weights fall, m."""
 
 
 def nearest_neighbours(
