@@ -33,9 +33,6 @@ class Augmentation(Settings):
         velocity_noise_mps: standard deviation of the noise on each component of the input velocity, m/s.
         neighbour_dropout: share of the steps at which the input has no neighbour.
         map_dropout: share of the sub-sequences in which the input has no obstacle.
-
-    Raises:
-        ValueRuleError: a share is outside [0, 1], the noise negative or the range reversed.
     """
 
     map_swap: Annotated[float, In("[0, 1]")] = 0.0

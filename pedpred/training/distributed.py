@@ -1,7 +1,9 @@
 """The device and the process group of a training.
 
-Processes started by `torchrun` divide the lanes of one joint batch. Their result is that of one process with
-all lanes: gradients are averaged over known targets, so each process is weighted by the targets it has.
+Processes started by `torchrun` divide the lanes of one joint batch. Gradients are averaged over known
+targets, so each process is weighted by the targets it has. For networks with a memory and without dropout,
+the result is that of one process with all lanes. For networks without a memory, each process masks inputs and
+balances errors for its own rows alone, so the trained weights depend on the number of processes.
 """
 
 from __future__ import annotations
@@ -157,7 +159,7 @@ def distributed_context(device: str, autocast: bool | str) -> Iterator[Distribut
 
     Args:
         device: see `DeviceSettings`.
-        autocast: see there.
+        autocast: likewise.
 
     Raises:
         ValueRuleError: the device is unknown or missing, or `autocast` is none of these.

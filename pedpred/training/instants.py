@@ -30,7 +30,7 @@ class InstantSettings(FitSettings):
         rows: per step, by all processes together.
         shares: set -> its share of the rows; they need not sum to 1.
         validation_share: of the worlds of each set.
-        masking: see there.
+        masking: see `InputMasking`.
     """
 
     betas: ClassVar[tuple[float, float]] = (0.9, 0.98)
@@ -64,7 +64,7 @@ class InstantSampler:
 
         Args:
             data: the sets that `settings.shares` names.
-            settings: see there.
+            settings: see `InstantSettings`.
             context: of this process.
         """
         self.data, self.settings, self.context = data, settings, context

@@ -42,7 +42,7 @@ class Sampler(Protocol):
     """Divides rows into those to learn from and those to validate by, and draws batches of the former.
 
     Attributes:
-        lanes: tracks or instants in a batch of this process, B.
+        lanes: rows of a batch of this process, B: lanes of tracks, or single instants.
     """
 
     @property
@@ -110,7 +110,7 @@ class NetworkLearner(Learner):
             network: initialised, on the context's device; the starting weights count as the first candidate.
             data: all rows, on the same device.
             sampler: of these rows.
-            settings: see there.
+            settings: see `FitSettings`.
             context: of this process.
         """
         self.network, self.data, self.sampler = network, data, sampler

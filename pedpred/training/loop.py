@@ -32,7 +32,7 @@ class Learner(ABC):
     Attributes:
         network: initialised, on its device.
         optimizer: of its weights.
-        settings: see there.
+        settings: see `Schedule`.
         context: of this process; every process of a training has the same learner but its own context.
         memory: recurrent state that is carried from step to step; saved with the progress. [N, ...] each
         best_by: validation figure, lower is better, that chooses the weights; None keeps the last weights.
@@ -84,14 +84,14 @@ def train(learner: Learner, scratch: Path | None, description: str) -> list[dict
     """Train a network; leaves the best validated weights in it, or the last ones without `best_by`.
 
     Args:
-        learner: see there.
+        learner: see `Learner`.
         scratch: folder for the state of an unfinished training, which is resumed if there is one; None
             keeps no state.
         description: title of the progress bar.
 
     Returns:
-        The curve, one row per validation: epoch (the number of the validation), step, train_loss, and the
-        figures of the validation.
+        The curve, one row per validation: epoch (index of the validation, from 0; not a pass over the data),
+        step, train_loss, and the figures of the validation.
 
     Raises:
         ValueRuleError: the figure that chooses the weights cannot be computed, or the training diverges.
@@ -177,12 +177,12 @@ def scratch_folder(
 ) -> Iterator[Path]:
     """The folder of an unfinished training, removed when the training has ended.
 
+    A training that ended with an error of its settings would end with it again, so its folder goes, too.
+
     Args:
         about: plain values that identify the training: settings and data.
         weights: the initial ones, which identify it too, unless `about` implies them.
         context: only the process that writes files removes the folder.
-
-    A training that ended with an error of its settings would end with it again, so its folder goes, too.
     """
     digest = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
     for tensor in (weights or {}).values():

@@ -22,8 +22,8 @@ class InputMasking(Settings):
     Attributes:
         map_share: of the rows: no obstacle is known.
         neighbours_share: of the rows: nobody else is seen.
-        missed_share: of the rows: some neighbours are not seen,
-        missed: each of them with this probability.
+        missed_share: of the rows: each neighbour is left out with the probability `missed`.
+        missed: see `missed_share`.
         past_share: of the rows: the past is shorter, by a random number of steps.
     """
 

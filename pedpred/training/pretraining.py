@@ -51,7 +51,7 @@ class AutoencoderLearner(Learner):
             training: [M, cells^2 / 8] uint8
             validation: crops of other arrangements. [V, cells^2 / 8] uint8
             cells: cells per side of a crop.
-            settings: see there.
+            settings: see `AutoencoderSettings`.
         """
         torch.manual_seed(settings.seed)
         self.training, self.validation, self.cells, self.settings = training, validation, cells, settings

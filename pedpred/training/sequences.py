@@ -32,7 +32,7 @@ class SequenceSettings(FitSettings, SplitSettings):
         lanes: tracks that are streamed side by side, B; by all processes together.
         sub_sequence: truncation depth L, steps.
         longest_track: tracks are cut into pieces of at most this many steps.
-        augmentation: see there.
+        augmentation: see `Augmentation`.
     """
 
     betas: ClassVar[tuple[float, float]] = (0.9, 0.999)
@@ -57,7 +57,7 @@ class SequenceSampler:
         data: all rows.
         training: rows [first, last) of the sequences to learn from. [S, 2]
         validation: rows [first, last) of the sequences to choose the weights by. [S, 2]
-        settings: see there.
+        settings: see `SequenceSettings`.
         context: of this process.
     """
 
