@@ -1,4 +1,4 @@
-"""Windows, metrics and their uncertainty."""
+"""Windows, scores and their uncertainty."""
 
 from pedpred.evaluation.measure import given, measure
 from pedpred.evaluation.scores import (

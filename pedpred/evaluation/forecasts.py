@@ -35,8 +35,8 @@ class EvaluationWindows:
         position: tracked, world frame, m. [W, 2]
         heading_rad: counter-clockwise from world x. [W]
         velocity: tracked, agent frame (forward, left), m/s. [W, 2]
-        packed_grid: bits of the obstacle grid, little end first; no columns if no method reads it.
-            [W, bytes] uint8
+        packed_grid: bits of the obstacle grid ("occupancy" of `LstmFeatures`), little end first; no columns
+            if no method reads it. [W, bytes] uint8
         angular_grid_m: distance of the nearest pedestrian per cone, counted counter-clockwise
             from the heading; `max_range_m` is empty; no columns likewise. [W, C]
         truth: true positions, world frame, m. [W, P, 2]
@@ -81,9 +81,9 @@ class EvaluationWindows:
         return rotate(self.velocity, self.heading_rad)
 
     @property
-    def covariances(self) -> dict[str, np.ndarray]:
-        """Covariances of the most likely modes, m^2. {method: [W, P, 2, 2]}."""
-        return {m: p.covariance[:, 0] for m, p in self.predictions.items() if p.covariance is not None}
+    def with_covariances(self) -> tuple[str, ...]:
+        """Methods that give covariances."""
+        return tuple(method for method, given in self.predictions.items() if given.covariance is not None)
 
     def grid(self, row: int) -> np.ndarray:
         """Unpack the obstacle cells around an agent, (forward, left), agent in the middle: [G, G] bool."""

@@ -38,7 +38,7 @@ def measure(
         forecasters: by method.
         settings: thresholds of the metrics.
         metrics: which ones alone; None: all, and the calibration at each step.
-        samples: number of paths of which the best one counts; 0: these errors are not measured.
+        samples: number of paths of which the best one counts; 0: without `BEST_ADE` and `BEST_FDE`.
 
     Raises:
         ValueRuleError: a window has no forecast, or one that some metrics could not measure; or forecasts are
@@ -65,18 +65,18 @@ def measure(
     return scores
 
 
-def describe_scene(windows: FeatureTable, occupancy: OccupancyMap, settings: MetricSettings) -> MetricScene:
+def describe_scene(asked: FeatureTable, occupancy: OccupancyMap, settings: MetricSettings) -> MetricScene:
     """Collect what metrics know of a scene besides predictions and truth.
 
     Args:
-        windows: the evaluation windows. [W]
+        asked: the evaluation windows. [W]
         occupancy: static obstacles.
         settings: thresholds.
     """
     return MetricScene(
         occupancy,
-        windows.time_s,
-        np.hypot(*windows.velocity.T),
+        asked.time_s,
+        np.hypot(*asked.velocity.T),
         settings.moving_mps,
         settings.collision_m,
         settings.miss_m,

@@ -69,12 +69,13 @@ def find_observed_windows(
     track, end_s = people.track_id[rows[:, 0]], people.time_s[rows[:, observed - 1]]
     ends_s = np.unique(end_s)
     ends_s = ends_s[np.diff(ends_s, prepend=-np.inf) > TOLERANCE_S]
-    number = np.searchsorted(ends_s, end_s, side="right") - 1
+    recording = np.searchsorted(ends_s, end_s, side="right") - 1
     seen = replace(
         scene, trajectories=short_recordings(people, ends_s, settings), detection_dt_s=settings.step_s
     )
     ids = np.unique(people.track_id)
-    asked, now_s = number * len(ids) + np.searchsorted(ids, track), number * _APART_S
+    # Ids and times in the short recordings, see `short_recordings`.
+    asked, now_s = recording * len(ids) + np.searchsorted(ids, track), recording * _APART_S
     path = people.position[rows[:, observed - 1 :]]
     when_s = now_s[:, None] + settings.step_s * np.arange(path.shape[1])
     truth = Trajectories(when_s.ravel(), np.repeat(asked, path.shape[1]), path.reshape(-1, 2))
@@ -109,10 +110,10 @@ def short_recordings(people: Trajectories, ends_s: np.ndarray, settings: WindowS
     parts = []
     for ago in range(settings.observed_steps):
         then_s, near_s = people.time_s + ago * settings.step_s, (ago + 1) * TOLERANCE_S
-        number = np.minimum(np.searchsorted(ends_s, then_s - near_s), len(ends_s) - 1)
-        row = np.flatnonzero(np.abs(ends_s[number] - then_s) < near_s)
-        time_s = number[row] * _APART_S - ago * settings.step_s
-        parts.append((time_s, number[row] * len(ids) + person[row], people.position[row]))
+        recording = np.minimum(np.searchsorted(ends_s, then_s - near_s), len(ends_s) - 1)
+        row = np.flatnonzero(np.abs(ends_s[recording] - then_s) < near_s)
+        time_s = recording[row] * _APART_S - ago * settings.step_s
+        parts.append((time_s, recording[row] * len(ids) + person[row], people.position[row]))
     time_s, track, position = (np.concatenate(column) for column in zip(*parts, strict=True))
     present = np.isin(track, parts[0][1])
     return Trajectories(time_s[present], track[present], position[present])

@@ -59,7 +59,7 @@ class Resampling(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationSettings(MetricSettings, Resampling):
-    """How forecasters are measured and compared at once."""
+    """`MetricSettings` and `Resampling` in one, for callers that measure and compare."""
 
     def __post_init__(self) -> None:
         MetricSettings.__post_init__(self)

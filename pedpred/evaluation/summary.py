@@ -73,7 +73,7 @@ def summarise_test_set(
     Args:
         test: name of the test set.
         scores: scene name -> method -> scores.
-        reference: the method that differences are taken to.
+        reference: the method that the others are compared with: differences are method minus reference.
         settings: of the bootstrap.
 
     Raises:
@@ -93,7 +93,7 @@ def summarise_methods(pool: Mapping[str, Scores], reference: str, settings: Resa
 
     Args:
         pool: method -> scores.
-        reference: the method that differences are taken to.
+        reference: the method that the others are compared with: differences are method minus reference.
         settings: of the bootstrap; all figures share one draw.
 
     Raises:
@@ -141,7 +141,7 @@ def coverages(inside: np.ndarray) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Round to plain JSON numbers, so that a metric file can be read and compared; None where it is none."""
+    """Round to plain JSON numbers, so that a metric file can be read and compared; None for NaN or inf."""
     if isinstance(value, bool):
         return value
     if isinstance(value, (int, np.integer)):

@@ -61,7 +61,8 @@ def find_windows(
     Args:
         scene: a place; detections at any rate, regular or not. Their spline is the truth.
         how: how its people are perceived.
-        protocol: time step, horizon, ages; the clock of networks has one phase, whatever training uses.
+        protocol: time step, horizon, ages; the clock of networks with a memory begins at the first
+            detection (one phase), even if training uses several.
         social_force: the model of walking there; None where there is none.
         memory: compute the steps of networks with a memory.
 
@@ -108,8 +109,9 @@ def window_rows(table: FeatureTable, protocol: ForecastProtocol, place: str) -> 
     """Find the evaluation windows in a table at detections.
 
     A window is a detection with at least `min_history` earlier ones of the same life and a true position at
-    every step of the horizon. Detections that lack nothing but this truth are counted: their person stays
-    beyond the horizon and is not seen at times. Many of them are reported in the log.
+    every step of the horizon. Detections that lack nothing but this truth are counted: the person is still
+    there at the end of the horizon, but was lost for a while in between. Many of them are reported in the
+    log.
 
     Args:
         table: at detections.
@@ -151,7 +153,7 @@ def _usual_interval(table: FeatureTable) -> str:
     return f"; detections of a person are usually {usual_s:g} s apart (time stamps must be in seconds)"
 
 
-def integrate_truth(windows: FeatureTable, dt_s: float) -> np.ndarray:
+def integrate_truth(asked: FeatureTable, dt_s: float) -> np.ndarray:
     """Integrate the targets of evaluation windows to true paths, world frame, m. [W, P, 2]."""
-    walked = np.cumsum(windows.future.astype(np.float64) * dt_s, axis=1)
-    return windows.position[:, None] + rotate(walked, windows.heading_rad[:, None])
+    walked = np.cumsum(asked.future.astype(np.float64) * dt_s, axis=1)
+    return asked.position[:, None] + rotate(walked, asked.heading_rad[:, None])

@@ -66,7 +66,7 @@ def horizon_figure(result: Result, methods: Methods) -> Figure:
 
 def with_covariances(windows: Sequence[EvaluationWindows], methods: Methods) -> list[str]:
     """Methods that give covariances, in the order of display."""
-    return methods.ordered({name for scene in windows for name in scene.covariances})
+    return methods.ordered({name for scene in windows for name in scene.with_covariances})
 
 
 @styled
