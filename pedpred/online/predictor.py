@@ -185,12 +185,14 @@ class OnlinePredictor:
     ) -> Forecast:
         """Add the detections of one instant; return a forecast of each person, whose arrays are read-only.
 
-        Of a frame that is less than `max_age_s` earlier than the last one, or as late, as of a second camera,
-        those count who were not detected since; forecasts are at the time of the last one again. Where nobody
-        counts, it is dropped, with a warning, and the last forecast returned. A person who is not detected is
-        extrapolated for `max_age_s`, and forgotten after the model's `lost_after_s`. If time jumps by more
-        than that, forward or backward, or frames are earlier for 0.3 s while none is later, all tracks are
-        deleted: twice after a false stamp.
+        A frame may be late: at the time of the last one or less than `max_age_s` before it, as from a second
+        camera. Only people who have not been detected since are taken from it, and the forecasts are again
+        for the time of the last frame. If it has no such people, or is older, it is dropped with a warning,
+        and the last forecast is returned.
+
+        A person who is not detected is extrapolated for `max_age_s`, and forgotten after the model's
+        `lost_after_s`. If time jumps by more than that, forward or backward, or frames are earlier for 0.3 s
+        while none is later, all tracks are deleted: twice after a false stamp.
         An id that jumps farther than anybody can move is a new person. People for whom the network gives no
         valid forecast are left out, named in a warning and forgotten. Of more than `most_people`, those who
         came first are followed; the others are left out and named in a warning. So are doubts (`doubts`).
