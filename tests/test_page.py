@@ -54,27 +54,21 @@ def hall():
     return scene, dataclasses.replace(windows, **own)
 
 
-def evaluated_of(scene, windows):
-    network = GridAutoencoder(60, 8)
+@pytest.fixture(scope="module")
+def contents(hall):
+    (scene, windows), network = hall, GridAutoencoder(60, 8)
+    attic, shorter = dataclasses.replace(scene, name="attic"), dataclasses.replace(KEPT, duration_s=1.2)
     simulated = results_of(SIMULATED, [{"test": ["simulated/sim_test"]}], "sim", 0.3)
     real = results_of(REAL, FOLDS, "real", 0.3)
     places = {name: [dataclasses.replace(scene, name=name)] for name in REAL}
-    return [
+    evaluated = [
         Evaluated("sim", "simulated", simulated, {"sim_test": [scene]}, {"hall": windows}, curves(), network),
         Evaluated("real", "real", real, places, dict.fromkeys(REAL, windows), {}, network),
     ]
-
-
-@pytest.fixture(scope="module")
-def contents(hall):
-    scene, windows = hall
-    evaluated = evaluated_of(scene, windows)
-    shorter = dataclasses.replace(KEPT, duration_s=1.2)
-    attic = replay(dataclasses.replace(scene, name="attic"), windows, shorter, METHODS)
     return Contents(
         evaluated=evaluated,
         galleries=[draw_gallery(own, METHODS) for own in evaluated],
-        replays=[replay(scene, windows, KEPT, METHODS), attic],
+        replays=[replay(scene, windows, KEPT, METHODS), replay(attic, windows, shorter, METHODS)],
         methods=METHODS,
         paper=PAPER,
         avif_speed=10,
