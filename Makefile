@@ -90,8 +90,9 @@ trust: setup ## test the guarantees at length: damaged files, killed stages, a m
 	python -m tests.trust.faults
 	python -m tests.trust.soak
 
+# Not --quiet: it hides the warnings that --strict counts.
 docs: setup ## build the documentation into build/site; fails on a broken link
-	NO_MKDOCS_2_WARNING=1 mkdocs build --quiet --strict
+	NO_MKDOCS_2_WARNING=1 mkdocs build --strict
 
 readme: setup ## write the tables of results into README.md and docs/
 	python -m tools.readme

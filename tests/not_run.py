@@ -1,9 +1,6 @@
-"""The last line of a run of the tests: how many did not run, and why.
+"""The last line of a run of the tests: how many did not run, and why."""
 
-Reasons to skip begin with "needs"; what follows a colon says which: "needs recordings: ewap".
-"""
-
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterable
 
 import pytest
@@ -25,19 +22,7 @@ def pytest_sessionfinish(session):
 
 def summary(reasons: Iterable[str], tests: int) -> str:
     """Sum up the reasons of all tests that did not run in one line, those of most tests first."""
-    groups: defaultdict[str, Counter[str]] = defaultdict(Counter)
-    for reason in reasons:
-        what, _, which = " ".join(reason.split()).partition(": ")
-        groups[what][which] += 1
-    causes = []
-    for what, counts in sorted(groups.items(), key=lambda group: -group[1].total()):
-        several = what.replace("needs ", "need ", 1) if counts.total() > 1 else what
-        which = ", ".join(f"{one} {_spaced(count)}" for one, count in counts.most_common() if one)
-        causes.append(f"{_spaced(counts.total())} {several}" + (f" ({which})" if which else ""))
-    missing = sum(counts.total() for counts in groups.values())
-    line = f"{_spaced(missing)} of {_spaced(tests)} tests did not run"
-    return f"{line}: {'; '.join(causes)}" if causes else line
-
-
-def _spaced(number: int) -> str:
-    return f"{number:_}".replace("_", " ")
+    counts = Counter(" ".join(reason.split()) for reason in reasons)
+    causes = "; ".join(f"{count} {reason}" for reason, count in counts.most_common())
+    line = f"{counts.total()} of {tests} tests did not run"
+    return f"{line}: {causes}" if causes else line

@@ -1,5 +1,6 @@
 """A stage sees the keys that it declares, and params.yaml is what conf/ composes to."""
 
+import errno
 import os
 import re
 import runpy
@@ -44,11 +45,6 @@ stages:
   sharing: {cmd: x, deps: [conf, data/config/trackers.yaml], params: [seed]}
   missing: {cmd: x, params: [scenes.zara]}
 """
-WRONG = """\
-  wrong:
-    foreach: [eth]
-    do: {cmd: x, params: ["scenes.${item.name}"]}
-"""
 PARAMS_YAML = """
 seed: null
 training: {rate: 0.1, phases: {first: {steps: 1}, second: {steps: 2}}}
@@ -80,43 +76,25 @@ if __name__ == "__main__":
 @pytest.fixture
 def project(tmp_path):
     """A tiny project: dvc.yaml, params.yaml, conf/ and one stage. It has its own copy of the library."""
-    (tmp_path / "dvc.yaml").write_text(DVC_YAML)
-    (tmp_path / "params.yaml").write_text(PARAMS_YAML)
-    (tmp_path / "conf" / "scale").mkdir(parents=True)
-    (tmp_path / "conf" / "config.yaml").write_text(f"defaults: [_self_, scale: default]\n{PARAMS_YAML}")
-    (tmp_path / "conf" / "scale" / "default.yaml").write_text("pedestrians: 20\n")
-    (tmp_path / "conf" / "scale" / "smoke.yaml").write_text("pedestrians: 2\n")
+    for name, text in {
+        "dvc.yaml": DVC_YAML,
+        "dvc.lock": "schema: '2.0'\nstages:\n  bare:\n    cm",  # another process writes it
+        "params.yaml": PARAMS_YAML,
+        "conf/config.yaml": f"defaults: [_self_, scale: default]\n{PARAMS_YAML}",
+        "conf/scale/default.yaml": "pedestrians: 20\n",
+        "conf/scale/smoke.yaml": "pedestrians: 2\n",
+        "stages/__init__.py": "",  # as in the project, so that its own stages come first
+        "stages/look.py": STAGE,
+    }.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
     (tmp_path / "pedpred").mkdir()
     for name in ["__init__.py", "config.py", "errors.py", "files.py", "lazy.py", "plain.py"]:
         shutil.copy(ROOT / "pedpred" / name, tmp_path / "pedpred" / name)
-    (tmp_path / "stages").mkdir()
-    (tmp_path / "stages" / "__init__.py").touch()  # as in the project, so that its own stages come first
-    (tmp_path / "stages" / "look.py").write_text(STAGE)
     return tmp_path
 
 
-def python(project, *arguments, **environment):
-    inherited = {k: v for k, v in os.environ.items() if not k.startswith("DVC_")}
-    command, said = [sys.executable, "-m", *arguments], {"capture_output": True, "text": True}
-    return subprocess.run(command, cwd=project, env=inherited | environment, check=False, **said)
-
-
-@pytest.fixture
-def look(project, monkeypatch, capfd):
-    """Runs the stage of the tiny project in this process, where that ends it early; what it says."""
-    monkeypatch.chdir(project)
-    monkeypatch.delenv("DVC_STAGE", raising=False)
-
-    def run(*arguments, **environment):
-        for name, value in environment.items():
-            monkeypatch.setenv(name, value)
-        monkeypatch.setattr(sys, "argv", ["look", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            runpy.run_path("stages/look.py", run_name="__main__")
-        assert ended.value.code not in (None, 0)
-        return f"{capfd.readouterr().err}{ended.value}"
-
-    return run
+# What a stage sees
 
 
 @pytest.mark.parametrize(
@@ -131,11 +109,13 @@ def look(project, monkeypatch, capfd):
         ("deep@second", {"training": {"phases": {"second": {"steps": 2}}}}),
     ],
 )
-def test_a_stage_sees_its_declared_keys_and_nothing_else(project, address, expected):
+def test_stage_sees_its_declared_keys_and_nothing_else(project, address, expected):
+    arguments = {"name": "eth", "out": "a"}
     assert config.declared(project, address, []) == expected
+    assert config.declared(project, address, ["+name=eth", "--flag", "out=a"]) == expected | arguments
 
 
-def test_a_stage_sees_shared_parts_as_they_were_checked(project):
+def test_stage_sees_shared_parts_as_they_were_checked(project):
     with refused("trackers"):
         config.declared(project, "sharing", [])
     params = OmegaConf.create({name: {"slow": {"q": 1e-7}} for name in SHARED_PARTS})
@@ -143,24 +123,25 @@ def test_a_stage_sees_shared_parts_as_they_were_checked(project):
     assert config.declared(project, "sharing", []) == {"seed": None, "trackers": {"slow": {"q": 1e-7}}}
 
 
-def test_every_shared_part_is_read_and_declared_by_none():
-    lines = (ROOT / "dvc.yaml").read_text()
-    assert set(re.findall(rf"{config.SHARED}/(\w+)\.yaml", lines)) == set(SHARED_PARTS)
-    for block in re.findall(r"params:\s*\[([^\]]*)\]", lines):
-        assert not {key.strip(' "') for key in block.split(",")} & set(SHARED_PARTS)
-
-
-def test_a_stage_does_not_read_a_lock_that_is_being_written(project):
-    (project / "dvc.lock").write_text("schema: '2.0'\nstages:\n  bare:\n    cm")
+def test_declarations_are_found_again_after_an_edit(project):
     assert config.declared(project, "bare", []) == {}
+    (project / "dvc.yaml").write_text(DVC_YAML.replace("bare: {cmd: x}", "bare: {cmd: x, params: [seed]}"))
+    assert config.declared(project, "bare", []) == {"seed": None}
 
 
-def test_the_arguments_of_the_command_are_added(project):
-    seen = config.declared(project, "bare", ["+name=eth", "--flag", "out=a"])
-    assert seen == {"name": "eth", "out": "a"}
+@pytest.mark.parametrize(
+    ("address", "key"),
+    [
+        *((name, "DVC_STAGE") for name in ("nothing", "listed@zara", "listed", "plain@eth")),
+        ("missing", "scenes.zara"),
+    ],
+)
+def test_unknown_stage_or_declared_key_is_refused(project, address, key):
+    with refused(key):
+        config.declared(project, address, [])
 
 
-def test_a_row_is_merged_over_its_base():
+def test_row_is_merged_over_its_base():
     cfg = OmegaConf.create({"forces": {"a": {"x": {"p": 1, "q": 2}}, "b": {"base": "a", "x": {"q": 3}}}})
     assert config.row(cfg, "forces", "b") == {"x": {"p": 1, "q": 3}}
     assert config.row(cfg, "forces", "a") == {"x": {"p": 1, "q": 2}}
@@ -185,125 +166,91 @@ def test_errors_of_settings_get_the_configuration_key(error, key):
     assert raised.value.field == key
 
 
-def test_an_unknown_row_is_refused_with_the_known_ones():
-    cfg = OmegaConf.create({"places": {"eth": 1, "hotel": 2}})
-    OmegaConf.set_struct(cfg, True)
-    for key in ("places", "kind"):
-        with (
-            pytest.raises(SystemExit, match="eth, hotel"),
-            config.config_errors(),
-            config.configured("places"),
-        ):
-            cfg.places.zara if key == "places" else config.one_of("kind", "zara", cfg.places)
-    with pytest.raises(SystemExit, match=r"\+kind="), config.config_errors():
-        _ = cfg.kind
+# How a stage ends
 
 
-def test_a_stage_is_told_its_name_by_its_command():
-    assert config.stage_key(OmegaConf.create({"name": "lstm"})) == "lstm"
-    with pytest.raises(ConfigError):
-        config.stage_key(OmegaConf.create({}))
+@pytest.fixture
+def look(project, monkeypatch, capfd):
+    """Runs the stage of the tiny project in this process, where that ends it early; what it says."""
+    monkeypatch.chdir(project)
+    monkeypatch.delenv("DVC_STAGE", raising=False)
+
+    def run(*arguments, **environment):
+        for name, value in environment.items():
+            monkeypatch.setenv(name, value)
+        monkeypatch.setattr(sys, "argv", ["look", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path("stages/look.py", run_name="__main__")
+        assert ended.value.code not in (None, 0)
+        return f"{capfd.readouterr().err}{ended.value}"
+
+    return run
 
 
-@pytest.mark.parametrize(
-    ("address", "key"),
-    [
-        *((name, "DVC_STAGE") for name in ("nothing", "listed@zara", "listed", "plain@eth")),
-        ("missing", "scenes.zara"),
-    ],
-)
-def test_an_unknown_stage_or_declared_key_is_refused(project, address, key):
-    with refused(key):
-        config.declared(project, address, [])
+def run_stage(project, *arguments, **environment):
+    """Run the stage of the tiny project in a process of its own; names of files that were not there."""
+    before = {path.name for path in project.iterdir()}
+    inherited = {name: value for name, value in os.environ.items() if not name.startswith("DVC_")}
+    command = [sys.executable, "-m", "stages.look", *arguments]
+    done = subprocess.run(command, cwd=project, env=inherited | environment, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, b"")
+    return {path.name for path in project.iterdir()} - before - {"build"}
 
 
-def test_a_template_value_that_is_missing_is_named(project):
-    (project / "dvc.yaml").write_text(DVC_YAML + WRONG)
-    with pytest.raises(ConfigError, match=r"item\.name"):
-        config.declared(project, "wrong@eth", [])
-
-
-def test_what_stages_declare_is_found_again_after_an_edit(project):
-    assert config.declared(project, "bare", []) == {}
-    (project / "dvc.yaml").write_text(DVC_YAML.replace("bare: {cmd: x}", "bare: {cmd: x, params: [seed]}"))
-    assert config.declared(project, "bare", []) == {"seed": None}
-
-
-def test_a_stage_under_dvc_leaves_its_output_alone(project):
-    before = {path for path in project.rglob("*") if "__pycache__" not in path.parts}
-    run = python(project, "stages.look", DVC_STAGE="plain")
-    assert (run.returncode, run.stderr) == (0, "")
+def test_stage_under_dvc_writes_its_output_and_nothing_else(project):
+    assert run_stage(project, DVC_STAGE="plain") == {"seen.txt"}
     assert (project / "seen.txt").read_text() == "nobody 0.1 None"
-    after = {path for path in project.rglob("*") if "__pycache__" not in path.parts}
-    assert {path for path in after - before if project / "build" not in (path, path.parent)} == {
-        project / "seen.txt"
-    }
 
 
-def test_an_undeclared_key_ends_the_stage_with_its_name(look):
+def test_stage_by_hand_composes_conf_with_overrides(project):
+    look = project / "stages/look.py"
+    look.write_text(look.read_text().replace('@stage("name")', '@stage("name", "curve")'))
+    made = run_stage(project, "training.rate=0.5", "+out=mine.txt", "+name=eth", "hydra.run.dir=.")
+    assert made >= {"mine.txt", "mine.txt.tsv"}
+    assert (project / "mine.txt").read_text() == "eth 0.5 None"
+    assert (project / "mine.txt.tsv").read_text() == "step", "the curve of a trial, beside it"
+
+
+def test_runs_of_several_values_leave_their_outputs_alone(project):
+    with (project / "conf" / "config.yaml").open("a") as file:
+        file.write(yaml.safe_dump({"hydra": read("conf/config.yaml")["hydra"]}))
+    made = run_stage(project, "--multirun", "training.rate=1,2", "+out=${training.rate}.txt")
+    assert made == {"1.txt", "2.txt"}
+
+
+def test_undeclared_key_ends_the_stage_with_its_name(look):
     said = look("+out=spill.txt", DVC_STAGE="plain")
     assert "'models'" in said
     assert "stage 'plain'" in said
 
 
-@pytest.mark.parametrize("out", ["/dev/full", "params.yaml/seen.txt", f"{'x' * 300}", "/proc/seen.txt"])
-def test_a_stage_refuses_a_bad_output_before_it_works(look, out):
+@pytest.mark.parametrize("out", ["/dev/full", "params.yaml/seen.txt"])
+def test_stage_refuses_a_bad_output_before_it_works(look, out):
     assert look(f"+out={out}", DVC_STAGE="plain").startswith("OutputError")
 
 
-def test_by_hand_a_stage_composes_conf_with_its_overrides(project):
-    run = python(project, "stages.look", "training.rate=0.5", "+out=mine.txt", "+name=eth", "hydra.run.dir=.")
-    assert run.returncode == 0, run.stderr
-    assert (project / "mine.txt").read_text() == "eth 0.5 None"
-
-
-@pytest.mark.parametrize("added", ["+Out=1", "++trainings.rate=1", "++name.of=1", "+fold=1", "+curve=1"])
-def test_what_is_added_where_nobody_reads_it_is_refused(project, look, added):
-    """A misspelt argument, a key that conf/ does not have, arguments of other stages."""
+@pytest.mark.parametrize("added", ["+Out=1", "++trainings.rate=1", "+curve=1"])
+def test_argument_that_nobody_reads_is_refused(project, look, added):
+    """A misspelt argument, a key that conf/ does not have, an argument of other stages."""
     said = look("+name=eth", added)
     assert f"'{added.lstrip('+').partition('=')[0]}' = '1'" in said
-    assert said.endswith("arguments are name, out")
     assert not (project / "seen.txt").exists()
 
 
-def test_the_curve_of_a_trial_is_written_beside_it(project):
-    look = project / "stages/look.py"
-    look.write_text(look.read_text().replace('@stage("name")', '@stage("name", "curve")'))
-    run = python(project, "stages.look", "+out=mine.txt")
-    assert run.returncode == 0, run.stderr
-    assert (project / "mine.txt.tsv").read_text() == "step"
+def test_missing_or_damaged_file_of_the_pipeline_has_a_remedy():
+    def raised(error):
+        with pytest.raises(SystemExit) as ended, config.config_errors():
+            raise error
+        return ended.value.code
+
+    missing = {name: FileNotFoundError(errno.ENOENT, "missing", name) for name in ("data/none", "none")}
+    assert ["dvc repro" in raised(error) for error in missing.values()] == [True, False]
+    damaged = raised(InputError(Path("data/scene.json"), "size", "it is negative", "Write the scene again"))
+    assert "dvc repro" in damaged
+    assert "Write the scene again" not in damaged
 
 
-def test_runs_of_several_values_leave_their_outputs_alone(project):
-    settings = read("conf/config.yaml")["hydra"]
-    with (project / "conf" / "config.yaml").open("a") as file:
-        file.write(yaml.safe_dump({"hydra": settings}))
-    before = {path.name for path in project.iterdir()}
-    run = python(project, "stages.look", "--multirun", "training.rate=1,2", "+out=${training.rate}.txt")
-    assert run.returncode == 0, run.stderr
-    assert {path.name for path in project.iterdir()} - before == {"1.txt", "2.txt", "build"}
-
-
-@pytest.mark.parametrize(("folder", "remedy"), [("data/none", True), ("none", False)])
-def test_a_missing_folder_of_the_pipeline_has_a_remedy(folder, remedy):
-    with pytest.raises(SystemExit) as ended, config.config_errors():
-        os.listdir(folder)
-    assert ("dvc repro" in ended.value.code) == remedy
-
-
-def test_there_is_one_remedy_for_a_damaged_file_of_a_stage():
-    with pytest.raises(SystemExit) as ended, config.config_errors():
-        raise InputError(Path("data/scene.json"), "size", "it is negative", "Write the scene again")
-    assert ended.value.code.endswith("data/scene.json, size: it is negative. `dvc repro` writes it again")
-
-
-def test_commands_give_arguments_that_their_stages_read():
-    for path in config.pipelines(ROOT):
-        for command in re.findall(r"python -m stages\.(.*)", path.read_text()):
-            script, given = command.split()[0], set(re.findall(r" \+(\w+)=", command))
-            read = re.search(r"@stage\((.*)\)", (ROOT / f"stages/{script}.py").read_text())
-            if script != "config":
-                assert given - {"out"} <= set(re.findall(r"\w+", read[1])), command
+# params.yaml
 
 
 @pytest.fixture
@@ -322,15 +269,11 @@ def compose(project, monkeypatch):
     return run
 
 
-@pytest.mark.parametrize("override", ["training.pace=0.5", "scale=huge", "nonsense"])
-def test_an_unknown_key_or_option_is_named_without_a_traceback(look, compose, override):
-    for said in (look(override), compose(override)):
-        assert "Traceback" not in said
-        assert override.split("=")[-1] in said or "pace" in said
-
-
-def test_a_key_that_conf_does_not_have_is_not_written(project, compose):
-    assert "'trainings.rate' = '1'" in compose("+trainings.rate=1")
+@pytest.mark.parametrize("override", ["training.pace=0.5", "scale=huge", "+trainings.rate=1"])
+def test_unknown_key_or_option_is_refused_by_name(project, compose, override):
+    said = compose(override)
+    assert "Traceback" not in said
+    assert re.search("pace|huge|trainings.rate", said)
     assert (project / "params.yaml").read_text() == PARAMS_YAML
 
 
@@ -343,7 +286,7 @@ def test_composing_twice_gives_the_same_bytes(project, compose):
     assert (project / "data" / "checked").is_file()
 
 
-def test_the_check_fails_with_a_diff_after_an_edit_under_conf(project, compose):
+def test_check_fails_with_a_diff_after_an_edit_under_conf(project, compose):
     compose()
     (project / "conf" / "scale" / "default.yaml").write_text("pedestrians: 21\n")
     said = compose("--check", "--stamp", "data/checked")
@@ -352,15 +295,7 @@ def test_the_check_fails_with_a_diff_after_an_edit_under_conf(project, compose):
     assert not (project / "data" / "checked").exists()
 
 
-@pytest.mark.parametrize("damage", [b"{", b"\xff\xfe"])
-def test_a_damaged_params_yaml_is_named(project, compose, damage):
-    (project / "params.yaml").write_bytes(damage)
-    said = compose("--check")
-    assert said.startswith("ConfigError")
-    assert "params.yaml" in said
-
-
-def test_inside_an_experiment_its_params_pass_the_check(compose, monkeypatch):
+def test_params_of_an_experiment_pass_the_check_in_it(compose, monkeypatch):
     compose("scale=smoke")
     assert compose("--check") != ""
     monkeypatch.setenv("DVC_EXP_NAME", "sweep-1")

@@ -13,7 +13,6 @@ from onnx import TensorProto
 from pedpred.errors import InputError
 from pedpred.online import OnlinePredictor, graph
 from pedpred.online.network import read_description, write_description
-from tests.conftest import ROOT
 
 WHOLE = TensorProto.INT64
 FLOAT = TensorProto.FLOAT
@@ -39,48 +38,36 @@ def loop(operator="Loop", **attributes):
 
 def squares(count, side):
     """Products of large matrices, one after the other."""
-    first = [make.make_node("ConstantOfShape", ["shape"], ["m0"])]
-    return [*first, *(make.make_node("MatMul", [f"m{i}", f"m{i}"], [f"m{i + 1}"]) for i in range(count))], [
-        numbers("shape", side, side)
-    ]
+    first = make.make_node("ConstantOfShape", ["shape"], ["m0"])
+    products = [make.make_node("MatMul", [f"m{i}", f"m{i}"], [f"m{i + 1}"]) for i in range(count)]
+    return [first, *products], [numbers("shape", side, side)]
 
 
 def outer(times):
     """The number of people to a power, as many numbers."""
     size = make.make_node("Shape", ["state"], ["size"], start=0, end=1)
-    return [
-        size,
-        make.make_node("Concat", ["size"] * times, ["all"], axis=0),
-        make.make_node("ConstantOfShape", ["all"], ["extra"]),
-    ]
+    product = make.make_node("Concat", ["size"] * times, ["all"], axis=0)
+    return [size, product, make.make_node("ConstantOfShape", ["all"], ["extra"])]
+
+
+def one(operator, *inputs, **attributes):
+    return [make.make_node(operator, inputs, ["extra"], **attributes)]
 
 
 LOOPS = [scalar("rounds", WHOLE, 10**9), scalar("yes", TensorProto.BOOL, True), scalar("zero", FLOAT, 0.0)]
+ENDS = [scalar("zero", WHOLE, 0), scalar("end", WHOLE, 10**10), scalar("step", WHOLE, 1)]
+ABSENT = TensorProto(dims=[10**9], data_type=FLOAT, name="w")
+MANY = [make.make_node("Identity", ["state"], [f"x{i}"]) for i in range(graph.MOST_NODES)]
 STRANGE = {
     "a loop": (loop(), LOOPS),
     "a loop of another name": (loop("Add"), LOOPS),
-    "foreign operators": ([make.make_node("Add", ["s", "s"], ["e"], domain="com.microsoft")], []),
-    "a huge constant": (
-        [make.make_node("ConstantOfShape", ["shape"], ["extra"])],
-        [numbers("shape", 10**10)],
-    ),
-    "a huge expansion": (
-        [make.make_node("Expand", ["state", "shape"], ["extra"])],
-        [numbers("shape", 10**6, 10**4, 1, 1)],
-    ),
-    "a huge range": (
-        [make.make_node("Range", ["zero", "end", "step"], ["extra"])],
-        [scalar("zero", WHOLE, 0), scalar("end", WHOLE, 10**10), scalar("step", WHOLE, 1)],
-    ),
-    "weights that are not there": (
-        [make.make_node("ReduceSum", ["w"], ["extra"])],
-        [TensorProto(dims=[10**9], data_type=FLOAT, name="w")],
-    ),
+    "foreign operators": (one("Add", "s", "s", domain="com.microsoft"), []),
+    "a huge constant": (one("ConstantOfShape", "shape"), [numbers("shape", 10**10)]),
+    "a huge expansion": (one("Expand", "state", "shape"), [numbers("shape", 10**6, 10**4, 1, 1)]),
+    "a huge range": (one("Range", "zero", "end", "step"), ENDS),
+    "weights that are not there": (one("ReduceSum", "w"), [ABSENT]),
     "more people, more memory": (outer(34), []),
-    "too many operators": (
-        [make.make_node("Identity", ["state"], [f"x{i}"]) for i in range(graph.MOST_NODES)],
-        [],
-    ),
+    "too many operators": (MANY, []),
 }
 
 
@@ -147,27 +134,6 @@ def test_memory_that_grows_with_people_has_a_bound(model, tmp_path, little_memor
     with in_the_graph():
         robot.update(0.3, range(300), people)
     assert len(robot.update(0.6, range(3), people[:3]).track_id) >= 3
-
-
-def test_the_default_model_passes():
-    graph.check_operators((ROOT / "models/online/default/network.onnx").read_bytes())
-
-
-def test_graph_in_use_is_shared_if_its_ends_are_the_same(model):
-    raw, (inputs, outputs) = (model[0] / "network.onnx").read_bytes(), read_description(model[0]).ends()
-    session = graph.load_graph(raw, inputs, outputs)
-    assert graph.load_graph(raw, inputs, outputs) is session
-    with pytest.raises(ValueError, match="expected"):
-        graph.load_graph(raw, inputs, outputs[1:])
-
-
-def test_operators_are_counted_as_onnx_reads_them(model):
-    """The reader of bytes sees the operators that the library sees."""
-    raw = (model[0] / "network.onnx").read_bytes()
-    nodes = [part for number, part in graph._fields(raw) if number == graph._GRAPH]
-    assert len(nodes) == 1
-    found = [part for number, part in graph._fields(nodes[0]) if number == graph._NODE]
-    assert found == [node.SerializeToString() for node in onnx.load_from_string(raw).graph.node]
 
 
 def test_damaged_bytes_are_read_or_a_value_error(model):

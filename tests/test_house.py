@@ -1,23 +1,27 @@
 """The rules of the project that a machine can check: layers, dependencies, stages, configuration, pages."""
 
+import ast
 import re
 import subprocess
 import sys
 import tomllib
-from importlib import import_module
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.version import Version
 
+from benchmarks import dependencies
 from stages.code import CODE, code_behind, imported
 from tests.configuration import composed, read
 from tests.conftest import ROOT
 from tools import prose
 
-SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text())
-CONTRACTS = SETTINGS["tool"]["importlinter"]["contracts"]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+CONTRACTS = PROJECT["tool"]["importlinter"]["contracts"]
 WITHOUT_TORCH = next(c["source_modules"] for c in CONTRACTS if c["type"] == "forbidden")
 PIPELINE, DEFAULTS = read("dvc.yaml")["stages"], read("conf/config.yaml")["defaults"]
+SOURCES = sorted([*(ROOT / "pedpred").rglob("*.py"), *(ROOT / "stages").glob("*.py")])
 CALLED = {"PIL": "pillow", "skfmm": "scikit-fmm", "yaml": "pyyaml"}
 RUN_NO_NETWORK = {"evaluate_baseline", "pretrain_autoencoder", "rows", "simulated", "recorded", "embed"}
 """Stages whose code knows kinds of networks."""
@@ -40,13 +44,42 @@ def test_what_runs_on_the_robot_imports_without_torch():
 
 
 def test_commands_import_what_the_extra_files_installs():
-    extras = SETTINGS["project"]["optional-dependencies"]
-    wanted = [*SETTINGS["project"]["dependencies"], *extras["files"], *extras["hdf5"], *extras["pictures"]]
+    groups = dependencies.declared()
+    extras = PROJECT["project"]["optional-dependencies"]
+    wanted = [*groups["robot"], *(Requirement(r) for e in ("files", "hdf5", "pictures") for r in extras[e])]
     files = [path for part in ("command", "online", "ros") for path in (ROOT / "pedpred" / part).glob("*.py")]
     behind = {file for path in files for file in code_behind(path)}
     outside = {module.partition(".")[0] for path in behind for module, _ in imported(path)} - {"pedpred"}
     needed = {CALLED.get(name, name) for name in outside - sys.stdlib_module_names}
-    assert needed == {re.match(r"[\w-]+", requirement)[0] for requirement in wanted}
+    assert needed == {requirement.name for requirement in wanted}
+    assert {need.name for needs in groups.values() for need in needs} == set(dependencies.REASONS)
+
+
+def test_every_version_is_exact_and_released():
+    lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
+    versions = {need.name.lower(): [*need.specifier] for need in map(Requirement, lines)}
+    for name, pinned in versions.items():
+        assert [one.operator for one in pinned] == ["=="], name
+        assert not Version(pinned[0].version).is_prerelease, name
+    direct = {need.name.lower() for needs in dependencies.declared().values() for need in needs}
+    assert direct <= versions.keys()
+
+
+AT_ONCE = re.compile(r"(\w[\w.()/\" {}]*)\.(?:write_text|write_bytes)\(")
+SAVING = re.compile(r"\b(?:save|save_file|savefig|to_parquet|ParquetWriter)\(|open\('[wax]")
+WHOLE = ("atomic_write(", "BytesIO(", "tarfile.open(", "TemporaryDirectory(")
+"""What functions that save use: a file that gets its name when it is complete, or one for a while."""
+
+
+def test_files_are_written_through_one_door():
+    """Whatever is written appears whole: by `pedpred.files`, or under a name that `atomic_write` gave."""
+    for path in SOURCES:
+        source = path.read_text()
+        assert set(AT_ONCE.findall(source)) <= {"new"}, path
+        if re.search(r"save|to_parquet|ParquetWriter|open\(", source):
+            functions = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef)]
+            for text in map(ast.unparse, functions):
+                assert not SAVING.search(text) or any(name in text for name in WHOLE), path
 
 
 @pytest.mark.parametrize("name", sorted(set(PIPELINE) - {"config"}))
@@ -77,11 +110,7 @@ def test_option_under_conf_composes(option):
     assert composed(option)
 
 
-def test_scale_resizes_what_exists_and_adds_nothing():
-    def keys(node, at=""):
-        return {k for n, v in node.items() for k in keys(v, f"{at}.{n}")} if isinstance(node, dict) else {at}
-
-    assert keys(composed("scale=smoke")) == keys(read("params.yaml"))
+# Pages
 
 
 def test_python_on_pages_imports_what_exists():
@@ -92,24 +121,18 @@ def test_python_on_pages_imports_what_exists():
                 exec(line, {})
 
 
-def test_interface_pages_describe_what_is_there():
-    """A member that a module lacks is left out of the site without an error."""
-    named = r"^::: (\S+)\n    options:\n      members: \[(.*)\]$"
-    pages = "\n".join(path.read_text() for path in ROOT.glob("docs/api/*.md"))
-    members = [
-        (module, name)
-        for module, names in re.findall(named, pages, re.MULTILINE)
-        for name in names.split(", ")
-    ]
-    assert [name for module, name in members if not hasattr(import_module(module), name)] == []
+def test_every_promise_names_tests_that_exist():
+    page = (ROOT / "docs/guarantees.md").read_text()
+    promises = re.findall(r"^\* \*\*.*?(?=^\* |^## |\Z)", page, re.MULTILINE | re.DOTALL)
+    assert [promise for promise in promises if not re.search(r"`tests/[\w/]+\.py::test_\w+`", promise)] == []
+    for file, test in set(re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", page)):
+        assert f"def {test}(" in (ROOT / file).read_text(), file
 
 
 def test_nothing_refers_to_one_machine():
     places = re.compile(r"(?<![\w.}])/(?:home|root|work|users|mnt)/|\.\./shared", re.IGNORECASE)
-    names = subprocess.run([ROOT / ".ci/files"], capture_output=True, text=True, check=True).stdout.split(
-        "\0"
-    )
-    texts = {name: (ROOT / name).read_bytes() for name in names if (ROOT / name).is_file()}
+    listed = subprocess.run([ROOT / ".ci/files"], capture_output=True, text=True, check=True).stdout
+    texts = {name: (ROOT / name).read_bytes() for name in listed.split("\0") if (ROOT / name).is_file()}
     texts.pop(str(Path(__file__).relative_to(ROOT)))
     guilty = {name for name, raw in texts.items() if b"\0" not in raw and places.search(raw.decode())}
     assert guilty <= {*read("params.yaml")["mirrors"].values(), "params.yaml", "dvc.lock"}

@@ -42,7 +42,6 @@ PARAMS = cache(read_params)  # that takes longer than what is tested
         ({"standing_ade_m": 0.21}, {"the same, standing people"}),
         ({"nll": 0.1}, {"NLL (limit: kalman_cv)"}),
         ({"per_step_coverage_90": [0.9] * 9 + [0.8]}, {"% in regions after step 10"}),
-        ({"ade_m": float("nan")}, {"ADE / better simple method", "ADE / kalman_cv"}),
     ],
 )
 def test_broken_promises_are_named(changes, broken):
@@ -57,15 +56,13 @@ def test_regions_are_worse_if_more_of_them_are_broken():
         return [Verdict("eth", f"region {k}", "", "", k not in broken, counted=True) for k in range(4)]
 
     assert newly_broken(model(1), model(2)) == []
-    assert newly_broken(model(1, 2), model(2)) == [model(1, 2)[1]]
-    assert newly_broken([*model(1), BAD], model(2)) == [model(1)[1], BAD]
+    assert newly_broken([*model(1, 2), BAD], model(2)) == [model(1, 2)[1], BAD]
 
 
-@pytest.mark.parametrize(("low", "holds"), [(-0.1, True), (0.9 * SEEDS, True), (1.1 * SEEDS, False)])
-def test_error_is_larger_if_seeds_do_not_explain_it(low, holds):
-    other = 0.5
-    verdict = no_worse("eth", other * (1 + low) + 0.01, other, [other * low, other * low + 0.02])
-    assert verdict.holds == holds
+def test_error_is_larger_if_seeds_do_not_explain_it():
+    for low, holds in ((-0.1, True), (0.9 * SEEDS, True), (1.1 * SEEDS, False)):
+        verdict = no_worse("eth", 0.5 * (1 + low) + 0.01, 0.5, [0.5 * low, 0.5 * low + 0.02])
+        assert verdict.holds == holds
 
 
 @pytest.mark.parametrize(
@@ -76,9 +73,8 @@ def test_error_is_larger_if_seeds_do_not_explain_it(low, holds):
         ([GOOD, WORSE], [GOOD], "", [WORSE]),
         ([BAD], None, "", []),
         ([GOOD, WORSE], [GOOD], "eth", []),
-        ([GOOD, WORSE], [GOOD], "hotel", [WORSE]),
     ],
-    ids=["better", "breaks it", "larger error", "first", "accepted", "another"],
+    ids=["better", "breaks it", "larger error", "first", "accepted"],
 )
 def test_a_model_replaces_the_default_unless_it_is_worse(
     candidate, present, accepted, worse, tmp_path, monkeypatch, model, mixture
@@ -102,24 +98,22 @@ def contents(folder):
 
 def test_model_is_judged_by_the_latest_run_that_exports_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    folder, metrics, lock = Path("models/default"), Path("reports/metrics/real.json"), Path("dvc.lock")
+    folder, metrics = Path("models/default"), Path("reports/metrics/real.json")
 
     def run(number, exported):
         metrics.write_text(f'{{"run": {number}}}')
         outs = f"[{{path: models/online/large, md5: {exported}}}]"
-        lock.write_text(f"stages:\n  page: {{}}\n  export@large: {{outs: {outs}}}\n")
+        Path("dvc.lock").write_text(f"stages:\n  page: {{}}\n  export@large: {{outs: {outs}}}\n")
 
     for path in (folder, metrics.parent):
         path.mkdir(parents=True)
-    git(tmp_path, "init -q")
     (folder / "model.json").write_text("{}")
     run(1, "a")
-    git(tmp_path, "add .", "commit -qm model")
+    git(tmp_path, "init -q", "add .", "commit -qm model")
     run(2, "b")
     assert metrics_of(folder) == {"real": {"run": 1}}
     assert metrics_of(Path("models/other")) == {"real": {"run": 2}}
     run(3, "a")
-    assert metrics_of(folder) == {"real": {"run": 3}}
     git(tmp_path, "add .", "commit -qm evaluation")
     run(4, "b")
     git(tmp_path, "add .", "commit -qm refused")

@@ -36,16 +36,7 @@ def test_a_lock_that_is_cut_anywhere_becomes_the_copy(tmp_path, monkeypatch):
             assert LOCK.read_text() == KEPT.read_text() == WHOLE
 
 
-def test_a_stage_keeps_the_lock_that_it_finds(tmp_path):
-    keep_lock(tmp_path)
-    assert not (tmp_path / KEPT).exists()
-    for text in (WHOLE, WHOLE[:-9]):  # as while another `dvc repro` writes it
-        (tmp_path / LOCK).write_text(text)
-        keep_lock(tmp_path)
-        assert (tmp_path / KEPT).read_text() == WHOLE
-
-
-def test_a_cut_note_of_who_writes_is_forgotten(tmp_path, monkeypatch):
+def test_cut_note_of_who_writes_is_forgotten(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     RUNNING.parent.mkdir(parents=True)
     note = '{"write": {"data": {"pid": 7, "cmd": "dvc repro"}}, "read": {}}'

@@ -54,29 +54,21 @@ def hall():
     return scene, dataclasses.replace(windows, **own)
 
 
-def stretch(duration_s, **given):
-    return dataclasses.replace(KEPT, duration_s=duration_s, **given)
-
-
-def evaluated_of(scene, windows):
-    network = GridAutoencoder(60, 8)
+@pytest.fixture(scope="module")
+def contents(hall):
+    (scene, windows), network = hall, GridAutoencoder(60, 8)
+    attic, shorter = dataclasses.replace(scene, name="attic"), dataclasses.replace(KEPT, duration_s=1.2)
     simulated = results_of(SIMULATED, [{"test": ["simulated/sim_test"]}], "sim", 0.3)
     real = results_of(REAL, FOLDS, "real", 0.3)
     places = {name: [dataclasses.replace(scene, name=name)] for name in REAL}
-    return [
+    evaluated = [
         Evaluated("sim", "simulated", simulated, {"sim_test": [scene]}, {"hall": windows}, curves(), network),
         Evaluated("real", "real", real, places, dict.fromkeys(REAL, windows), {}, network),
     ]
-
-
-def contents_of(scene, windows, galleries):
-    evaluated = evaluated_of(scene, windows)
-    attic = dataclasses.replace(scene, name="attic")
-    shown = [replay(scene, windows, KEPT, METHODS), replay(attic, windows, stretch(1.2), METHODS)]
     return Contents(
         evaluated=evaluated,
-        galleries=galleries,
-        replays=shown,
+        galleries=[draw_gallery(own, METHODS) for own in evaluated],
+        replays=[replay(scene, windows, KEPT, METHODS), replay(attic, windows, shorter, METHODS)],
         methods=METHODS,
         paper=PAPER,
         avif_speed=10,
@@ -86,13 +78,8 @@ def contents_of(scene, windows, galleries):
 
 
 @pytest.fixture(scope="module")
-def galleries(hall):
-    return [draw_gallery(own, METHODS) for own in evaluated_of(*hall)]
-
-
-@pytest.fixture(scope="module")
-def text(hall, galleries):
-    return render_page(contents_of(*hall, galleries))
+def text(contents):
+    return render_page(contents)
 
 
 # What stands on the page
@@ -129,14 +116,14 @@ def places_of_figures(text, metrics):
     return {place for place, _ in figures}
 
 
-def test_every_figure_of_the_page_is_in_the_metrics(text):
+def test_every_figure_of_a_page_is_in_the_metrics(text):
     metrics = {**SIMULATED, **REAL, "real": REAL, "latency": {"updates": LATENCY}}
     some = {"sim_test.lstm.ade_m", "eth.cv.fde_m", "latency.updates.1.median_ms"}
     some |= {"real.hotel.lstm.ade_m", "real.eth.cv.obstacle_share"}
     assert some <= places_of_figures(text, metrics)
 
 
-def test_every_figure_of_the_committed_page_is_in_the_metrics():
+def test_every_figure_of_the_report_is_in_the_metrics():
     metrics = {}
     for path in sorted((REPORTS / "metrics").glob("*.json")):
         found = json.loads(path.read_text())
@@ -146,8 +133,8 @@ def test_every_figure_of_the_committed_page_is_in_the_metrics():
     assert page.stat().st_size < 4e6
 
 
-def test_a_page_is_the_same_twice_and_needs_nothing_else(hall, galleries, text):
-    assert text == render_page(contents_of(*hall, galleries))
+def test_page_is_the_same_twice_and_needs_nothing_else(contents, text):
+    assert text == render_page(contents)
     asked = [own[a] for _, own in Elements(text).elements for a in ("src", "href", "srcset") if a in own]
     assert {a for a in asked if not a.startswith(("data:", "#"))} == {"eth_ucy.md", "drives.md"}, "links"
     assert not re.search(r"url\(|@import|\bfetch\(|XMLHttpRequest", text)
@@ -166,7 +153,7 @@ def file(text, tmp_path_factory):
 class Visit:
     """The page in a window without network; whatever goes wrong is collected."""
 
-    def __init__(self, browser, file, width=1280, scheme="light"):
+    def __init__(self, browser, file, width, scheme):
         size = {"width": width, "height": 900}
         self.context = browser.new_context(viewport=size, color_scheme=scheme, offline=True)
         self.page, self.problems = self.context.new_page(), []
@@ -190,53 +177,31 @@ class Visit:
 
 
 @pytest.fixture
-def visit_at(browser, file):
-    """Opens the page at a width and in a colour scheme."""
-    opened = []
-
-    def visit(width=1280, scheme="light"):
-        opened.append(Visit(browser, file, width, scheme))
-        return opened[-1]
-
-    yield visit
-    for visited in opened:
-        visited.context.close()
-
-
-@pytest.fixture(scope="module")
-def visit(browser, file):
-    """A page that is only read."""
-    visited = Visit(browser, file)
+def visit(request, browser, file):
+    """The page at a width and in a colour scheme."""
+    visited = Visit(browser, file, *getattr(request, "param", (1280, "light")))
     yield visited
+    assert visited.problems == []
     visited.context.close()
 
 
-def paper_and_ink(page):
-    """Brightness of background and text, of 765."""
-    colours = "[getComputedStyle(document.body).backgroundColor, getComputedStyle(document.body).color]"
-    return (sum(map(int, re.findall(r"\d+", colour)[:3])) for colour in page.evaluate(colours))
-
-
-@pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (390, "dark")])
-def test_the_page_loads_alone_and_fits(visit_at, width, scheme):
-    visit = visit_at(width, scheme)
+@pytest.mark.parametrize("visit", [(1280, "light"), (390, "dark")], indirect=True)
+def test_page_fits_its_window_and_colour_scheme(visit, request):
     over = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
     assert visit.page.evaluate(over) <= 0
-    assert (visit.problems, visit.state("scene")) == ([], "hall")
-    paper, ink = paper_and_ink(visit.page)
-    assert (paper > ink) == (scheme == "light")
+    colours = "[getComputedStyle(document.body).backgroundColor, getComputedStyle(document.body).color]"
+    paper, ink = (sum(map(int, re.findall(r"\d+", c)[:3])) for c in visit.page.evaluate(colours))
+    assert (paper > ink) == ("light" in request.node.callspec.params["visit"])
 
 
-def test_the_player_plays_scrubs_and_changes_scene(visit_at):
-    visit = visit_at()
+def test_player_plays_scrubs_and_changes_scene(visit):
     visit.scrub(0.3)
-    assert visit.state("time") == "0.30"
+    assert (visit.state("scene"), visit.state("time")) == ("hall", "0.30")
     visit.page.click(".play")
     late = "Number(document.getElementById('player').dataset.time) > 0.5"
     ended = "document.getElementById('player').dataset.playing === 'false'"  # a slow browser plays to the end
     visit.page.wait_for_function(f"{late} && ({ended} || (document.querySelector('.play').click(), true))")
     stopped = visit.state("time")
-    assert visit.state("playing") == "false"
     visit.page.locator(".plan").focus()
     visit.page.keyboard.press("ArrowLeft")
     assert float(visit.state("time")) < float(stopped)
@@ -244,10 +209,9 @@ def test_the_player_plays_scrubs_and_changes_scene(visit_at):
     assert visit.state("playing") == "true"
     visit.page.click("text=attic")
     visit.page.wait_for_selector("#player[data-scene=attic][data-playing=false]")
-    assert visit.problems == []
 
 
-def test_the_player_holds_forecasts_to_half_a_centimetre(visit, hall):
+def test_player_holds_forecasts_to_half_a_centimetre(visit, hall):
     _, windows = hall
     order = np.lexsort((windows.time_s, windows.track_id))
     assert visit.decoded("replay.rows.track") == windows.track_id[order].tolist()
@@ -261,7 +225,7 @@ def test_the_player_holds_forecasts_to_half_a_centimetre(visit, hall):
     np.testing.assert_allclose(np.array(found)[:, :, 1:], modes, atol=0.0251)
 
 
-def test_the_player_shows_the_inputs_of_the_network(visit, hall):
+def test_player_shows_the_inputs_of_the_network(visit, hall):
     _, windows = hall
     order = np.lexsort((windows.time_s, windows.track_id))
     picture = "replay.gridPicture(row, replay.mapPicture('#000')).getContext('2d').getImageData(0, 0, 60, 60)"
@@ -274,22 +238,19 @@ def test_the_player_shows_the_inputs_of_the_network(visit, hall):
     assert (cones < 6.0).sum() > len(windows)
 
 
-def test_a_click_picks_the_person_there(visit_at, hall):
+def test_click_picks_the_person_there_with_its_errors(visit, hall):
     _, windows = hall
     row = int(np.flatnonzero((windows.track_id == 3) & np.isclose(windows.time_s, 0.9))[0])
-    visit = visit_at()
     box = visit.page.locator(".plan").bounding_box()
     scale = min(box["width"], box["height"]) / 20  # of a hall of 20 m x 20 m
-    left, bottom = (box["width"] - 20 * scale) / 2, (box["height"] + 20 * scale) / 2
+    x, y = scale * windows.position[row]
     visit.scrub(0.9)
     visit.page.locator(".plan").focus()
     visit.page.keyboard.press("Escape")
     assert visit.state("picked") == ""
-    for (x, y), track in ((windows.position[row], "3"), ((19.0, 1.0), "")):
-        visit.page.click(".plan", position={"x": left + scale * x, "y": bottom - scale * y})
-        assert visit.state("picked") == track
-        if track:
-            errors = dict(re.findall(r"(Kalman CV|LSTM)\t([\d.]+)", visit.page.inner_text(".errors")))
+    at = {"x": box["width"] / 2 - 10 * scale + x, "y": box["height"] / 2 + 10 * scale - y}
+    visit.page.click(".plan", position=at)
+    assert visit.state("picked") == "3"
+    errors = dict(re.findall(r"(Kalman CV|LSTM)\t([\d.]+)", visit.page.inner_text(".errors")))
     for label, method in (("Kalman CV", "kalman_cv"), ("LSTM", "lstm")):
         assert float(errors[label]) == pytest.approx(windows.ade_m(method)[row], abs=0.011)
-    assert visit.problems == []

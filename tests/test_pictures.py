@@ -14,6 +14,7 @@ from pedpred.models.lstm.autoencoder import GridAutoencoder
 from pedpred.models.lstm.features.grids import occupancy_crops
 from pedpred.report.canvas import avif_bytes, png_bytes
 from pedpred.report.crops import grid_image
+from pedpred.report.drives import episode_figure
 from pedpred.report.gallery import draw_gallery
 from pedpred.report.gather import Evaluated
 from pedpred.report.instants import RULES, choose, depth_m
@@ -33,7 +34,7 @@ def chosen(rule, windows, scenes=None, crowd=1):
     return choose(RULES[rule], windows, scenes, crowd, METHODS)
 
 
-def test_the_largest_and_the_smallest_gain_are_chosen():
+def test_largest_and_smallest_gain_are_chosen():
     scenes = {"plain": planned(room()), "planted": planned(room(), planted_s=1.2)}
     best, least = (chosen(rule, scenes, crowd=4) for rule in ("gain", "loss"))
     assert (best.scene, best.time_s) == ("planted", pytest.approx(1.2))
@@ -58,9 +59,7 @@ def crossing(starts, velocities, aside_m):
     [
         ([[1, 0], [-1, 0]], [[0, 0.5], [0, -0.5]], True),
         ([[1, 0], [-1, 0]], [[0, 0.1], [0, -0.1]], False),  # they touch
-        ([[1, 0], [-1, 0]], [[0, 2.0], [0, -2.0]], False),  # far apart
         ([[-1, 0], [1, 0]], [[0, 0.5], [0, -0.5]], False),  # leaving each other
-        ([[1, 0], [0.5, 0]], [[0, 0.5], [0, -0.5]], False),  # one behind the other
         ([[1, 0], [-0.1, 0]], [[0, 0.5], [0, -0.5]], False),  # one stands
     ],
 )
@@ -82,7 +81,7 @@ def test_depth_is_the_way_to_the_nearest_free_cell():
     np.testing.assert_allclose(depth_m(points, blocked().occupancy), [1.0, 0.1, 0.0, 0.0], atol=0.05)
 
 
-def test_who_turns_before_an_obstacle_is_chosen():
+def test_person_who_turns_before_an_obstacle_is_chosen():
     starts = [[3, 5.05], [3, 4.25], [3, 8], [2.9, 5.05]]  # the last one walks through
     windows = crossing(starts, [[1, 0]] * 4, [[-1.0, 2.5], [-1.0, -2.5], [0, 0], [0, 0]])
     assert chosen("obstacle", windows, {"hall": blocked()}).who == 7
@@ -117,7 +116,7 @@ def at_walls(people=9, far=2):
     return windows_with(position, truth, {"cv": straight, "lstm": lstm}, track_id=track, time_s=x)
 
 
-def test_the_worst_window_of_each_person_at_a_wall_counts():
+def test_worst_window_of_each_person_at_a_wall_counts():
     windows = at_walls()
     rows = wall_windows(windows, walled(), METHODS)
     assert windows.time_s[rows].tolist() == [3.0] * len(RANKS)
@@ -128,18 +127,18 @@ def test_the_worst_window_of_each_person_at_a_wall_counts():
 # People, forecasts and inputs
 
 
-@pytest.mark.parametrize("heading_rad", [0.0, 1.0, -2.5])
 @pytest.mark.parametrize(("place", "row", "column"), [((2, 0), 10, 30), ((0, 2), 30, 10)])
-def test_an_obstacle_ahead_is_drawn_above_and_left_is_left(heading_rad, place, row, column):
+def test_obstacle_ahead_is_drawn_above_and_left_is_left(place, row, column):
     agent = np.array([5.0, 5.0])
-    occupied = np.zeros((100, 100), dtype=bool)
-    x, y = np.floor((rotate(np.array(place), heading_rad) + agent) * 10 + 1e-9).astype(int)
-    occupied[x - 1 : x + 2, y - 1 : y + 2] = True
-    place = OccupancyMap(occupied, np.zeros(2), 0.1)
-    crop = occupancy_crops(place, agent[None], np.array([heading_rad]), 60, 0.1)
-    windows = windows_with(agent[None], np.zeros((1, 0, 2)), {}, packed_grid=crop)
-    drawn = np.argwhere(grid_image(windows.grid(0))).mean(axis=0) + 0.5
-    np.testing.assert_allclose(drawn, (row, column), atol=1.5)
+    for heading_rad in (0.0, 1.0, -2.5):
+        occupied = np.zeros((100, 100), dtype=bool)
+        x, y = np.floor((rotate(np.array(place), heading_rad) + agent) * 10 + 1e-9).astype(int)
+        occupied[x - 1 : x + 2, y - 1 : y + 2] = True
+        ground = OccupancyMap(occupied, np.zeros(2), 0.1)
+        crop = occupancy_crops(ground, agent[None], np.array([heading_rad]), 60, 0.1)
+        windows = windows_with(agent[None], np.zeros((1, 0, 2)), {}, packed_grid=crop)
+        drawn = np.argwhere(grid_image(windows.grid(0))).mean(axis=0) + 0.5
+        np.testing.assert_allclose(drawn, (row, column), atol=1.5)
 
 
 def gaussians(apart_m, weight=(0.6, 0.4)):
@@ -149,41 +148,40 @@ def gaussians(apart_m, weight=(0.6, 0.4)):
     return Predictions(path[:, 0], path, np.array([weight]), 0.3, covariance)
 
 
-def test_a_region_has_a_part_around_every_likely_mode():
+def test_region_has_a_part_around_every_likely_mode():
     one = np.concatenate(region_outlines(gaussians(0.0), 0, 0, 0.9))
     np.testing.assert_allclose(np.linalg.norm(one, axis=-1), np.sqrt(radius2(0.9)), rtol=0.02)
     assert len(region_outlines(gaussians(8.0), 0, 0, 0.9)) == 2
     assert len(region_outlines(gaussians(8.0, (0.95, 0.05)), 0, 0, 0.9)) == 1
 
 
-@pytest.mark.parametrize("turns", range(4))
-def test_obstacles_and_people_turn_together(turns):
+def test_obstacles_and_people_turn_together():
     occupied = np.zeros((7, 4), dtype=bool)
     occupied[5, 1] = occupied[0, 3] = True
     occupancy = OccupancyMap(occupied, np.array([2.0, -3.0]), 0.5)
-    image, (left, right, bottom, top) = obstacle_image(occupancy, turns)
-    centres = turn_points(occupancy.center_of(np.argwhere(occupied)), turns)
-    columns, rows = np.floor((centres - [left, bottom]) / 0.5).astype(int).T
-    assert image[rows, columns].all()
-    assert image.sum() == 2
-    assert image.shape == (round((top - bottom) / 0.5), round((right - left) / 0.5))
+    for turns in range(4):
+        image, (left, right, bottom, top) = obstacle_image(occupancy, turns)
+        centres = turn_points(occupancy.center_of(np.argwhere(occupied)), turns)
+        columns, rows = np.floor((centres - [left, bottom]) / 0.5).astype(int).T
+        assert image[rows, columns].all()
+        assert image.sum() == 2
+        assert image.shape == (round((top - bottom) / 0.5), round((right - left) / 0.5))
 
 
-@pytest.mark.parametrize("turns", range(4))
-def test_the_plan_lies_like_the_picture(turns):
+def test_plan_lies_like_the_picture():
     """A step to the right in the camera's picture is a step to the right in the plan."""
-    inverse = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])[[-turns % 4, (1 - turns) % 4]]
     right_down = np.array([[0.0, 0.02], [-0.02, 0.0]])  # world from (row, column), unturned
-    matrix = np.eye(3)
-    matrix[:2, :2] = inverse.T @ right_down
-    camera = Camera(Homography(matrix), np.zeros((480, 640, 3), np.uint8))
-    step = camera.homography.to_world(np.array([[0.0, 0.0], [0.0, 50.0]]))
-    found = turn_points(np.diff(step, axis=0)[0], quarter_turns_of(camera))
-    np.testing.assert_allclose(found, (1.0, 0.0), atol=1e-9)
+    for turns in range(4):
+        matrix = np.eye(3)
+        matrix[:2, :2] = rotate(right_down.T, np.array(-turns * np.pi / 2)).T
+        camera = Camera(Homography(matrix), np.zeros((480, 640, 3), np.uint8))
+        step = camera.homography.to_world(np.array([[0.0, 0.0], [0.0, 50.0]]))
+        found = turn_points(np.diff(step, axis=0)[0], quarter_turns_of(camera))
+        np.testing.assert_allclose(found, (1.0, 0.0), atol=1e-9)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.95])
-def test_an_ellipse_is_drawn_where_its_share_ends(share):
+def test_ellipse_is_drawn_where_its_share_ends(share):
     centre, covariance = np.array([3.0, -1.0]), np.array([[0.5, 0.2], [0.2, 0.3]])
     outline = ellipse_outline(centre, covariance, share)
     np.testing.assert_allclose(squared_mahalanobis(outline - centre, covariance), radius2(share))
@@ -193,22 +191,18 @@ def test_an_ellipse_is_drawn_where_its_share_ends(share):
 
 
 def galleries():
-    scene = room()
-    simulated = result_of(metrics_of(MEETING))
-    real = result_of(metrics_of(MEETING | {"ca": 9.0}), "hall", ["real/home"])
-    windows = {"hall": planned(scene, planted_s=0.9)}
+    scene, windows = room(), {"hall": planned(room(), planted_s=0.9)}
     matrix = np.array([[0.0, 0.03, 0.0], [-0.03, 0.0, 20.0], [0.0, 0.0, 1.0]])
     picture = np.random.default_rng(7).integers(0, 256, (600, 600, 3), dtype=np.uint8)
-    torch.manual_seed(0)
-    network = GridAutoencoder(60, 8)
     seen = room(camera=Camera(Homography(matrix), picture))
-    sets = {"sim_test": [scene], "main": [scene] * 3}
-    sections = draw_gallery(
-        Evaluated("sim", "simulated", [simulated], sets, windows, curves(), network), METHODS
-    )
-    sections += draw_gallery(
-        Evaluated("real", "real", [real], {"hall": [seen]}, windows, {}, network), METHODS
-    )
+    torch.manual_seed(0)
+    network, sets = GridAutoencoder(60, 8), {"sim_test": [scene], "main": [scene] * 3}
+    simulated, real = result_of(metrics_of(MEETING)), result_of(metrics_of(MEETING), "hall", ["real/home"])
+    drawn = [
+        Evaluated("sim", "simulated", [simulated], sets, windows, curves(), network),
+        Evaluated("real", "real", [real], {"hall": [seen]}, windows, {}, network),
+    ]
+    sections = [section for own in drawn for section in draw_gallery(own, METHODS)]
     return [picture for section in sections for picture in section.pictures]
 
 
@@ -218,30 +212,36 @@ def test_all_pictures_come_out_the_same_twice_and_small():
     for one, two in zip(first, second, strict=True):
         file = png_bytes(one.figure)
         assert file == png_bytes(two.figure), one.name
-        assert b"Software" not in file
         # the layout's last digits depend on addresses in memory, and lines would move with them
         bounds = np.array([axes.get_position(original=True).bounds for axes in one.figure.axes])
         np.testing.assert_allclose(bounds, np.round(bounds, 6), rtol=0, atol=1e-12)
         if "camera" not in one.name:  # its background is noise here, the worst case for a PNG
             assert len(file) < 300_000, one.name
-        assert min(Image.open(io.BytesIO(file)).size) > 200
     packed = avif_bytes(first[0].figure, 10)
     assert packed == avif_bytes(second[0].figure, 10)
-    assert Image.open(io.BytesIO(packed)).format == "AVIF"
     assert len(packed) < len(png_bytes(first[0].figure))
 
 
-@pytest.mark.parametrize("lack", ["lstm", "motion"])
-def test_instants_need_the_main_method_and_motion(lack):
+def test_instants_need_people_who_move():
     scene, windows = room(), planned(room())
-    if lack == "lstm":
-        del windows.predictions["lstm"]
-    else:
-        windows = dataclasses.replace(windows, velocity=0.0 * windows.velocity)
-    figures = {key: errors for key, errors in metrics_of(MEETING).items() if key in windows.predictions}
-    evaluated = Evaluated(
-        "sim", "simulated", [result_of(figures)], {"sim_test": [scene]}, {"hall": windows}, {}, None
+    still = {"hall": dataclasses.replace(windows, velocity=0.0 * windows.velocity)}
+    result, sets = result_of(metrics_of(MEETING)), {"sim_test": [scene]}
+    sections = draw_gallery(Evaluated("sim", "simulated", [result], sets, still, {}, None), METHODS)
+    titles = [section.title for section in sections]
+    assert "Error over the horizon" in titles
+    assert "Instants, chosen by rule" not in titles
+
+
+@pytest.mark.parametrize("ahead_m", [(1.0, 9.0), (7.0, 7.5), (9.0, 1.0)])
+def test_drives_leave_room_for_titles_and_scale(ahead_m):
+    way = np.linspace(0.0, 1.0, 30)[:, None] * ahead_m
+    people = Trajectories(0.25 * np.arange(30), np.ones(30, int), way)
+    about = {"goal": [*ahead_m], "risk": 0.1, "reached": False, "method": "modes", "time_s": 25.7}
+    drive = (
+        Scene("hall", people, OccupancyMap.free_around(way), 0.25),
+        about | {"radius_m": 0.3, "contacts": []},
     )
-    sections = {section.title: section for section in draw_gallery(evaluated, METHODS)}
-    assert "Instants, chosen by rule" not in sections
-    assert next(iter(sections)) == "Error over the horizon"
+    picture = Image.open(io.BytesIO(png_bytes(episode_figure([drive] * 3)))).convert("L")
+    inked = np.asarray(picture) < 200
+    assert not inked[[0, 1, -2, -1]].any()
+    assert not inked[:, [0, 1, -2, -1]].any()

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
-from pedpred.errors import InputError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.metrics import METRICS, Metric
 from pedpred.report.document import markdown_table
 from pedpred.report.findings import judge_expectations, sum_up
-from pedpred.report.gather import Evaluated, scene_names, study_page
+from pedpred.report.gather import Evaluated, study_page
 from pedpred.report.methods import Method
 from pedpred.report.places import places_section, places_table, ratios_table, relative_errors
 from pedpred.report.results import read_metrics, results_frame, results_of
@@ -18,6 +18,7 @@ from pedpred.report.sections import answer
 from pedpred.report.tables import calibration_table, further_table, metrics_table, steps_table
 from pedpred.settings import load
 from tests.forecasts import METHODS, PAPER
+from tests.refused import unread
 from tests.reports import MEETING, STEPS, metrics_of, result_of, room
 
 SIMULATED = [{"test": ["simulated/sim_test"]}]
@@ -48,12 +49,10 @@ def test_every_figure_of_a_metric_file_is_a_row():
     assert set(frame["study"]) == {"real"}
 
 
-def test_a_figure_keeps_its_interval_and_a_null_has_no_row():
+def test_figure_keeps_its_interval_and_a_null_has_no_row():
     own = {"ade_m": 0.5, "ade_m_ci95": [0.4, 0.6], "nll": None, "fde_m": 1.0, "fde_m_ci95": [None, None]}
     figures = result_of({"cv": own}).figures
-    assert figures.get("cv", "ade_m") == (0.5, (0.4, 0.6))
-    assert figures.get("cv", "fde_m") == (1.0, None)
-    assert figures.get("cv", "nll") is None
+    assert [figures.get("cv", f) for f in ("ade_m", "fde_m", "nll")] == [(0.5, (0.4, 0.6)), (1.0, None), None]
 
 
 def test_results_without_a_needed_figure_are_refused(tmp_path):
@@ -63,9 +62,8 @@ def test_results_without_a_needed_figure_are_refused(tmp_path):
     assert read_metrics(path) == scenes
     del scenes["sim_test"]["cv"]["tracks"]
     path.write_text(json.dumps(scenes))
-    with pytest.raises(InputError) as error:
+    with unread(path):
         read_metrics(path)
-    assert error.value.path == path
     with pytest.raises(ValueRuleError):
         results_of({"eth": metrics_of(MEETING)}, SIMULATED, "sim", 0.3)
 
@@ -76,19 +74,14 @@ def test_parts_belong_to_the_longest_name_that_fits():
     assert [list(result.parts) for result in results_of(sets, folds, "real", 0.3)] == [["b"], ["a"]]
 
 
-# Methods
-
-
 def test_methods_refer_to_methods_of_the_right_kind():
     ((part, whole),) = METHODS.ablations
     assert (part.role, whole.role) == ("ablation", "network")
-    assert METHODS.reference in METHODS.simple
     for row, of in ((part, ""), (whole, "cv")):
         with pytest.raises(ValueRuleError):
             load(Method, vars(row) | {"of": of}, f"methods.{row.key}")
-    for key in ("lstm", "zebra"):
-        with pytest.raises(ValueRuleError):
-            replace(METHODS, reference=METHODS[key])
+    with pytest.raises(ValueRuleError):
+        replace(METHODS, reference=METHODS["lstm"])
 
 
 # Expectations
@@ -105,7 +98,6 @@ def judged(metrics, train=()):
         ({"social_force": 0.41}, ["SF, true goal below LSTM"]),
         ({"lstm": 0.51}, ["LSTM below LSTM-noGrid", "LSTM-noGrid / LSTM at least 1.15"]),
         ({"lstm_nogrid": 0.61}, ["LSTM-noGrid below Kalman CV"]),
-        ({"lstm": 0.45}, ["LSTM-noGrid / LSTM at least 1.15"]),
     ],
 )
 def test_expectations_are_met_or_missed(changed, missed):
@@ -118,7 +110,7 @@ def test_expectations_are_met_or_missed(changed, missed):
     ("lstm", "spread_m", "verdict", "shown"),
     [(0.594, 0.001, "met", "1.0 %"), (0.610, 0.001, "missed", "1.7 %"), (0.595, 0.02, None, "includes 0")],
 )
-def test_a_gain_is_judged_by_its_interval(lstm, spread_m, verdict, shown):
+def test_gain_is_judged_by_its_interval(lstm, spread_m, verdict, shown):
     """In both directions; where the interval includes 0, the sentence claims no difference."""
     metrics = metrics_of(MEETING | {"lstm": lstm}, spread_m)
     *_, gain = judged(metrics, train=["real/home"])
@@ -127,9 +119,10 @@ def test_a_gain_is_judged_by_its_interval(lstm, spread_m, verdict, shown):
     assert ("not distinguishable" in answer(result_of(metrics), METHODS)) == (verdict is None)
 
 
-def test_a_method_without_figures_is_not_judged():
-    metrics = metrics_of({"cv": 0.7, "kalman_cv": 0.6})
-    assert {finding.verdict for finding in judged(metrics)} == {"not measured"}
+def test_method_without_figures_is_not_judged():
+    assert {finding.verdict for finding in judged(metrics_of({"cv": 0.7, "kalman_cv": 0.6}))} == {
+        "not measured"
+    }
 
 
 # Tables of a test set
@@ -149,7 +142,7 @@ def test_tables_hold_figures_and_intervals():
     assert ahead["LSTM"][-1] == "0.760 (0.380, 0.760, 1.140)"
 
 
-def test_a_bar_in_a_cell_adds_no_column():
+def test_bar_in_a_cell_adds_no_column():
     lines = markdown_table(["a|b", "|", "eth"], [["|", "1", "||"]]).split("\n")
     assert {len(re.findall(r"(?<!\\)\|", line)) for line in lines} == {4}
 
@@ -181,16 +174,6 @@ def test_noncausal_figures_are_marked_before_the_first_table(key, train):
     assert ["Non-causal" in head for head in heads] == [False, True]
 
 
-def test_scenes_of_one_name_in_two_test_sets_are_told_apart():
-    rooms = [room(name) for name in ("office", "plaza")]
-    sets = {"sensed": rooms[:1], "main": rooms, "sim_test": rooms}
-    assert scene_names(["sim_test", "sensed", "gone", "sim_test"], sets) == {
-        ("sim_test", "office"): "office",
-        ("sim_test", "plaza"): "plaza",
-        ("sensed", "office"): "sensed_office",
-    }
-
-
 # Real places side by side
 
 
@@ -218,7 +201,7 @@ def test_errors_are_relative_to_the_best_simple_method():
     assert pooled["place"].unique().tolist() == ["set_a", "set_b"]
 
 
-def test_a_network_has_a_column_per_training():
+def test_network_has_a_column_per_training():
     table = cells_of(places_table(STUDIES, "ade_m", METHODS))
     assert table["ADE [m]"] == [
         *("CV", "CA", "Kalman CV", "SF, true goal"),
@@ -235,7 +218,7 @@ def section_of(results, missing=None, scenes=None):
     return places_section([evaluated], METHODS), evaluated
 
 
-def test_a_missing_place_is_listed_with_how_to_get_it():
+def test_missing_place_is_listed_with_how_to_get_it():
     section, _ = section_of(at_places("transfer", {"hall": 0.3}, ["real/yard"]), {"yard": "ask for it"})
     assert "| yard | ask for it |" in section.markdown("")
     nothing, _ = section_of([], {"hall": "ask", "yard": "ask"})
@@ -245,10 +228,9 @@ def test_a_missing_place_is_listed_with_how_to_get_it():
 def test_stand_ins_are_not_called_real():
     found = results_of({"hall": metrics_of(MEETING)}, [{"train": [], "test": ["real/hall"]}], "real", 0.3)
     section, evaluated = section_of(found, scenes={"hall": [replace(room(), stand_in="drawn by hand")]})
-    text = section.markdown("places")
-    assert "hall, drawn by hand" in text
+    text = section.markdown("places") + study_page(evaluated, [], METHODS, PAPER).markdown("real")
+    assert text.count("drawn by hand") >= 2
     assert not [words for words in ("eal places", "never saw", "fine-tuned") if words in text]
-    assert study_page(evaluated, [], METHODS, PAPER).markdown("real").count("drawn by hand") == 1
 
 
 @pytest.mark.parametrize("exact", [{"kalman_cv"}, set(MEETING)])

@@ -4,8 +4,6 @@ import ast
 import sys
 from importlib import import_module
 
-import pytest
-
 from pedpred.models import ARCHITECTURES
 from stages import code
 from stages.code import CODE, ROOT, UNRELATED, code_behind, files_of, listings, meaning, scripts
@@ -35,54 +33,43 @@ SAID = [("Title", "Name"), ("# why", "# because"), ("# in detail", ""), ("Return
 SAID += [("Of x", "Most"), ("\n\n\n", "\n\n# more\n")]
 RUN = [("/ 2", "/ 3"), ("# no comment", "# a comment"), ("= 3", "= 4")]
 RUN += [("# kept", "# lost"), ("kept\n\n", "kept\n"), ("below  ", "below")]
-FILES = sorted([*(ROOT / "pedpred").rglob("*.py"), *(ROOT / "stages").glob("*.py")])
 
 
-@pytest.mark.parametrize("change", SAID)
-def test_comment_or_docstring_changes_nothing(change):
-    assert TEXT.replace(*change) != TEXT
-    assert meaning(TEXT.replace(*change)) == meaning(TEXT)
-
-
-@pytest.mark.parametrize("change", RUN)
-def test_code_or_string_changes_something(change):
-    assert meaning(TEXT.replace(*change)) != meaning(TEXT)
-
-
-class WithoutDocstrings(ast.NodeTransformer):
-    """Leaves out strings that stand alone, which have no effect."""
-
-    def visit_Expr(self, node):
-        match node:
-            case ast.Expr(ast.Constant(str())):
-                return None
-        return node
+def test_meaning_is_code_without_comments_and_docstrings():
+    for change in (*SAID, *RUN):
+        assert TEXT.replace(*change) != TEXT
+        assert (meaning(TEXT.replace(*change)) == meaning(TEXT)) == (change in SAID), change
 
 
 def effect(text):
-    return ast.dump(WithoutDocstrings().visit(ast.parse(text)))
+    """The program without strings that stand alone, which have no effect."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(body := getattr(node, "body", None), list):
+            node.body = [part for part in body if not is_docstring(part)]
+    return ast.dump(tree)
+
+
+def is_docstring(node):
+    return isinstance(node, ast.Expr) and isinstance(getattr(node.value, "value", None), str)
 
 
 def with_bodies(text):
     """The same program, which still is one without its docstrings."""
     lines = text.splitlines()
     for node in ast.walk(ast.parse(text)):
-        match node:
-            case (
-                ast.FunctionDef(body=[ast.Expr(ast.Constant(str()))])
-                | ast.ClassDef(body=[ast.Expr(ast.Constant(str()))])
-            ):
-                lines[node.end_lineno - 1] += f"\n{' ' * node.body[0].col_offset}pass"
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and all(map(is_docstring, node.body)):
+            lines[node.end_lineno - 1] += f"\n{' ' * node.body[0].col_offset}pass"
     return "\n".join(lines)
 
 
-def test_all_that_is_run_is_left():
-    for path in FILES:
+def test_meaning_of_all_modules_keeps_what_is_run():
+    for path in sorted([*(ROOT / "pedpred").rglob("*.py"), *(ROOT / "stages").glob("*.py")]):
         text = with_bodies(path.read_text())
         assert effect(meaning(text)) == effect(text), path
 
 
-def test_what_a_module_uses_is_among_the_files_behind_it():
+def test_files_behind_a_module_hold_what_it_uses():
     """Also what it imports inside functions, by public names of packages, or on first use."""
     for script in scripts():
         import_module(f"stages.{script.stem}")
@@ -100,10 +87,10 @@ def test_stage_depends_on_the_files_beside_its_code():
     assert not {str(path.relative_to(ROOT)) for path in UNRELATED} & names
 
 
-@pytest.mark.parametrize("name", ARCHITECTURES)
-def test_network_is_in_the_list_of_its_architecture_alone(name):
-    network = ROOT / f"pedpred/models/{name}/network.py"
-    assert {path for path, files in listings().items() if network in files} == {CODE / "models" / name}
+def test_network_is_in_the_list_of_its_architecture_alone():
+    for name in ARCHITECTURES:
+        network = ROOT / f"pedpred/models/{name}/network.py"
+        assert {path for path, files in listings().items() if network in files} == {CODE / "models" / name}
 
 
 def test_list_of_code_has_a_line_per_file(tmp_path, monkeypatch):
@@ -111,8 +98,5 @@ def test_list_of_code_has_a_line_per_file(tmp_path, monkeypatch):
     code.write_code()
     written = {path.relative_to(tmp_path) for path in (tmp_path / CODE).rglob("*") if path.is_file()}
     assert written == listings().keys() >= {CODE / path.stem for path in scripts()}
-    assert [line.split()[1] for line in (tmp_path / CODE / "fetch").read_text().splitlines()] == [
-        "pedpred/sources/archives.py",
-        "pedpred/sources/mirrors.py",
-        "stages/fetch.py",
-    ]
+    named = [line.split()[1] for line in (tmp_path / CODE / "fetch").read_text().splitlines()]
+    assert named == ["pedpred/sources/archives.py", "pedpred/sources/mirrors.py", "stages/fetch.py"]

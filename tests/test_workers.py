@@ -1,6 +1,5 @@
 """Wherever the work is done, the results are the same bytes."""
 
-import dataclasses
 import hashlib
 import inspect
 import pickle
@@ -9,27 +8,16 @@ from collections import Counter
 from pathlib import Path
 
 import dask
-import numpy as np
 import pytest
 from distributed import LocalCluster
 from joblib import parallel_config
 
 from pedpred import errors
 from pedpred.driving.episodes import DriveSettings
-from pedpred.features.perception import Perception
-from pedpred.simulation.sensor import SensorSettings
-from pedpred.storage.scenes import write_scene
-from pedpred.tracking import KalmanSettings
 from pedpred.workers import in_parallel
-from stages.rows import scene_steps, write_file
 from stages.simulate import simulate_into
-from tests.exported import LSTM_ROWS
 from tests.refused import refused
 from tests.simulated import SETTINGS, short
-from tests.worlds import walled_scene
-
-FAULTS = SensorSettings(position_noise_m=0.05, drop_out_share=0.1, switch_share=0.1)
-HOW = Perception(KalmanSettings(0.1, 0.1), 0.2, FAULTS)
 
 
 def contents(folder):
@@ -53,26 +41,6 @@ def test_two_processes_give_the_same_bytes(alone, tmp_path, monkeypatch):
     monkeypatch.setenv("PEDPRED_JOBS", "2")
     assert len(alone) == 12  # three scenes of four files
     assert simulated_into(tmp_path) == alone
-
-
-def features_with(jobs, scenes, out, monkeypatch):
-    monkeypatch.setenv("PEDPRED_JOBS", jobs)
-    tasks = [
-        (out, LSTM_ROWS, scene.name, scene_steps, scene, "", scene.name, HOW, LSTM_ROWS, 3)
-        for scene in sorted(scenes.iterdir())
-    ]
-    in_parallel(write_file, tasks, "features", "room")
-    return contents(out)
-
-
-def test_features_are_the_same_bytes_too(tmp_path, monkeypatch):
-    """Through a sensor with faults, whose noise is drawn."""
-    for seed in range(3):
-        scene = walled_scene(np.random.default_rng(seed), detections=12)
-        write_scene(dataclasses.replace(scene, name=f"room{seed}"), tmp_path / f"scenes/room{seed}")
-    one, two = (features_with(n, tmp_path / "scenes", tmp_path / n, monkeypatch) for n in ("1", "2"))
-    assert len(one) == 3
-    assert one == two
 
 
 def test_results_come_in_the_order_of_the_tasks(monkeypatch):
@@ -107,23 +75,18 @@ def test_an_error_crosses_the_border_of_a_process(kind):
     assert (type(other), str(other), vars(other)) == (kind, str(error), vars(error))
 
 
-@pytest.mark.parametrize("jobs", ["0", "-3", "abc", "1e9", "100000"])
-def test_a_wrong_number_of_jobs_is_refused(jobs, monkeypatch):
-    monkeypatch.setenv("PEDPRED_JOBS", jobs)
-    with refused("$PEDPRED_JOBS"):
-        in_parallel(print, [()], "nothing", "task")
-
-
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "abacus://1:1"])
-def test_a_cluster_that_does_not_answer_is_named(address, monkeypatch):
-    monkeypatch.setenv("PEDPRED_BACKEND", "dask")
-    monkeypatch.setenv("DASK_SCHEDULER_ADDRESS", address)
-    quick = {"scheduler-address": address, "distributed.comm.timeouts.connect": "100ms"}
-    with dask.config.set(quick), refused("$DASK_SCHEDULER_ADDRESS"):
-        in_parallel(print, [()], "nothing", "task")
-
-
-def test_an_unknown_backend_is_refused(monkeypatch):
-    monkeypatch.setenv("PEDPRED_BACKEND", "abacus")
-    with refused("$PEDPRED_BACKEND"):
+@pytest.mark.parametrize(
+    ("variable", "value"),
+    [
+        *(("PEDPRED_JOBS", jobs) for jobs in ("0", "abc", "1e9", "100000")),
+        ("PEDPRED_BACKEND", "abacus"),
+        *(("DASK_SCHEDULER_ADDRESS", address) for address in ("tcp://127.0.0.1:9", "abacus://1:1")),
+    ],
+)
+def test_setting_of_the_environment_is_refused_by_its_name(variable, value, monkeypatch):
+    if variable == "DASK_SCHEDULER_ADDRESS":
+        monkeypatch.setenv("PEDPRED_BACKEND", "dask")
+    monkeypatch.setenv(variable, value)
+    quick = {"scheduler-address": value, "distributed.comm.timeouts.connect": "100ms"}
+    with dask.config.set(quick), refused(f"${variable}"):
         in_parallel(print, [()], "nothing", "task")

@@ -117,14 +117,16 @@ def curves_figure(figures: Figures) -> Figure:
 
 @styled
 def episode_figure(drives: Sequence[tuple[Scene, Mapping[str, Any]]]) -> Figure:
-    """Draw an episode from above, a panel for each condition."""
+    """Draw an episode from above, a panel for each condition, at least as wide as high: titles need width."""
     figure = blank(3.4 * len(drives), 3.8)
     panels = figure.subplots(1, len(drives), squeeze=False)[0]
     goals = [about["goal"] for _, about in drives]
     ends = np.concatenate([*(_robot_path(scene) for scene, _ in drives), np.array(goals)])
     low, high = ends.min(axis=0) - _AROUND_M, ends.max(axis=0) + _AROUND_M
+    width_m, height_m = high - low
+    aside_m = max(height_m - width_m, 0.0) / 2
     for axes, (scene, about) in zip(panels, drives, strict=True):
-        draw_ground(axes, scene.occupancy, 0, (low[0], high[0], low[1], high[1]))
+        draw_ground(axes, scene.occupancy, 0, (low[0] - aside_m, high[0] + aside_m, low[1], high[1]))
         _draw_drive(axes, scene, about)
         limit = f", limit {about['risk']:g}" if about["risk"] else ""
         late = "" if about["reached"] else ", not reached"

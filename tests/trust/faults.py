@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from tests.trust.project import ROOT, SILENT, Project, done, environment, found, kinds, made, started, toy
+from tests.trust.project import ROOT, SILENT, Project, done, environment, kinds, made, started, toy
 
 FOLDER = ROOT / "build/trust/project"
 CLOCK = {"PYTHONPATH": str(Path(__file__).with_name("clock"))}
@@ -184,10 +184,9 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=2, help="of each kind of stage")
     parser.add_argument("--stages", nargs="+", help="only these of them, e.g. embed@real")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--project", type=Path, help="an existing reproduced copy")
     parser.add_argument("--short", action="store_true", help="only kills")
     given = parser.parse_args()
-    project = found(given.project.resolve()) if given.project else made(FOLDER)
+    project = made(FOLDER)
     chosen = {s: project.stages[s] for s in given.stages or kinds(project.stages)}
     project = project.timed(chosen)
     rng = np.random.default_rng(given.seed)

@@ -132,8 +132,3 @@ def made(folder: Path) -> Project:
     if run.returncode:
         sys.exit(f"the pipeline fails undisturbed:\n{run.stdout[-2000:]}\n{run.stderr}")
     return replace(project, expected=results(folder))
-
-
-def found(folder: Path) -> Project:
-    """Load a copy that has been reproduced before."""
-    return Project(folder, pipeline(folder), results(folder))
