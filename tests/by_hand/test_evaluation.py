@@ -10,6 +10,7 @@ from pedpred.evaluation import MetricSettings, Resampling, Scores, pool_scores, 
 from pedpred.evaluation.measure import describe_scene
 from pedpred.evaluation.scores import (
     join_scores,
+    mean_scores,
     read_scores,
     write_scores,
 )
@@ -148,6 +149,16 @@ def test_pools_keep_tracks_of_scenes_apart():
     assert (found.without_truth, found.noncausal) == (8, True)
     alone = pool_scores([scores_of()])
     assert (len(np.unique(alone.track)), alone.noncausal) == (3, False)
+
+
+def test_scores_of_networks_are_averaged_window_by_window():
+    """Of three seeds with 1, 2 and 6 times the values; nothing is inside the regions of the mean."""
+    seeds = [scores_of(n * ADE_M, error_m=n * ERROR_M, nll=n * NLL) for n in (1, 2, 6)]
+    found = mean_scores(seeds)
+    for values, once in ((found.values["ade_m"], ADE_M), (found.error_m, ERROR_M), (found.nll, NLL)):
+        np.testing.assert_allclose(values, 3 * once)
+    assert found.inside.shape == (6, 0)
+    np.testing.assert_array_equal(mean_scores(seeds[:1]).track, TRACK)
 
 
 @pytest.mark.parametrize("columns", [2, 0])

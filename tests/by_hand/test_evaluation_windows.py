@@ -106,6 +106,14 @@ def test_noncausal_scores_say_so():
     assert measure(windows, {"still": standing}, MetricSettings())["still"].noncausal
 
 
+@pytest.mark.parametrize(("metrics", "steps"), [(None, 3), ({}, 0)])
+def test_calibration_is_measured_with_all_metrics_only(metrics, steps):
+    windows = find_windows(walks(), HOW, SIZES)
+    spread = replace(standing(windows.request), covariance=np.tile(np.eye(2), (4, 1, 3, 1, 1)))
+    found = measure(windows, {"still": given(spread)}, MetricSettings(), metrics)["still"]
+    assert found.inside.shape == found.nll.shape == (4, steps)
+
+
 def test_some_windows_are_selected_with_their_truth():
     whole = find_windows(walks(), HOW, SIZES)
     part = whole.select(np.array([3, 0]))

@@ -262,6 +262,7 @@ def test_the_loss_of_instants_counts_all_targets_of_masked_rows():
     errors = np.array(GAIN) * x[:, None] - y
     assert found.reported.item() == pytest.approx((errors**2).sum(-1).mean() * DT_S, rel=1e-5)
     assert int(found.weight) == 5 * STEPS
+    assert (learner.sampler.lanes, learner.sampler.examples(rows, 4).starts.all()) == (6, True)
     _, seen = learner.network.asked[-1]
     rng = np.random.default_rng([11, 4, 1])  # seed, step and rank
     for name, values in mask(data.inputs(torch.from_numpy(rows)), how, {"beams": FREE_M}, rng).items():
@@ -318,5 +319,7 @@ def test_rows_of_a_step_are_drawn_by_shares():
 def test_shares_of_simulated_and_real_sets():
     shares = RealShare(real_share=0.4).mix({"s": 3.0, "t": 1.0}, {"x": 1, "y": 20, "z": 300})
     assert shares == pytest.approx({"s": 0.45, "t": 0.15, **dict.fromkeys("xyz", 0.4 / 3)})
+    longer = RealShare(real_share=0.4, size_exponent=0.5).mix({"s": 1.0}, {"x": 1, "y": 4, "z": 25})
+    assert longer == pytest.approx({"s": 0.6, "x": 0.05, "y": 0.1, "z": 0.25})  # as 1 : 2 : 5
     assert RealShare(real_share=0.4).mix({"s": 3.0, "t": 2.0}, {}) == pytest.approx({"s": 0.6, "t": 0.4})
     assert RealShare(real_share=1.0).mix({"s": 3.0}, {"x": 5}) == {"s": 0.0, "x": 1.0}

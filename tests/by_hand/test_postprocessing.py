@@ -253,6 +253,16 @@ def test_a_chain_without_links_changes_nothing():
     np.testing.assert_array_equal(after.path, meeting()[1].path)
 
 
+def test_detections_are_kept_1_s_longer_than_the_horizon():
+    """Of ten steps of 0.4 s: at 6 s those since 1 s."""
+    place, here = PlaceKnowledge(None, None), np.zeros((1, 2))
+    alone = Predictions.single(np.zeros((1, 10, 2)), 0.4)
+    for now_s in np.arange(0.0, 6.5, 0.5):
+        known = here, now_s, np.array([4]), here, np.ones(1, bool)
+        place, _ = Postprocessing(joint=False, learning=False).apply(place, alone, *known)
+    assert place.detections.time_s.tolist() == np.arange(1.0, 6.5, 0.5).tolist()
+
+
 def test_links_begin_unlearned():
     default = Postprocessing().initial(4)
     assert default.trust is None

@@ -139,6 +139,14 @@ def single(away_m, deviation_m=1.0, **given):
     return past, Detections(np.full(len(away_m), 3.0), np.arange(len(away_m)), there)
 
 
+def test_later_steps_of_lost_forecasts_are_left_out():
+    """Forecasts 10, 11 and 12 are of people 0, 1 and 2; forecast 9 is at another step."""
+    past = single([1.0, 2.0, 3.0])[0]
+    left = past.without(np.array([9, 10, 12]))
+    assert [left.forecast.tolist(), left.person.tolist(), left.path.shape] == [[11], [1], (1, 1, 2)]
+    assert past.without(np.array([9, 13])) is past
+
+
 def away(u):
     """How far the boundary of a region of a plane Gaussian is away: u = 1 - exp(-r^2 / 2)."""
     return np.sqrt(-2 * np.log1p(-np.asarray(u)))
