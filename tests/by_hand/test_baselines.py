@@ -161,10 +161,7 @@ def test_known_goals_speeds_and_groups_are_those_of_the_instant():
     wanted = intentions(recorded(**known), ASKED, ASKED_S, ASKED_PACE)
     plans = [[wanted.goals[one].tolist() for one in plan if one >= 0] for plan in wanted.plan]
     assert plans == [[a], [c, e, d], [b, c, e, d], [d, a]]
-    assert [(plan == -1).tolist() for plan in wanted.plan[[0, 1]]] == [
-        [False, True, True, True],
-        [False] * 3 + [True],
-    ]
+    assert (wanted.plan == -1).sum(axis=1).tolist() == [3, 1, 0, 2]
     assert wanted.desired_speed.tolist() == [5.0, 4.0, 2.0, 3.0]
     assert wanted.group.tolist() == [-1, 7, 5, 6]
     first = intentions(recorded(**known), np.array([3]), np.array([0.0]), np.zeros((1, 2)))
@@ -188,9 +185,8 @@ def test_ground_around_the_map_holds_everybody_and_3_metres(cell_m, routing_m, p
     shape = np.ceil(np.array([2.3, 1.9]) / cell_m - 1e-9).astype(int)
     walk = Trajectories([0.0, 0.4], [1, 1], [[2.0, 1.1], [2.0, 1.0]])
     scene = Scene("map", walk, OccupancyMap(np.ones(shape, bool), np.array([1.35, 0.0]), cell_m), 0.4)
-    start = initial_state(
-        scene, [1], [0.0], place, [0.6, -0.8], replace(SETTINGS.routing, resolution_m=routing_m)
-    )
+    routing = replace(SETTINGS.routing, resolution_m=routing_m)
+    start = initial_state(scene, [1], [0.0], place, [0.6, -0.8], routing)
     np.testing.assert_allclose(start.ground.origin, np.array([1.35, 0.0]) - margin * cell_m)
     assert start.ground.occupied.shape == tuple(shape + 2 * margin)
     assert start.ground.occupied.sum() == shape.prod()

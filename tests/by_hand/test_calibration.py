@@ -117,13 +117,6 @@ def test_region_around_a_mode_in_the_middle_of_the_others():
         np.testing.assert_allclose(found, [[expected]], atol=1e-9)
 
 
-def test_a_mode_is_described_by_its_cholesky_factor():
-    """Sigma = (4, 1.2; 1.2, 2.61) = L L^T with L = (2, 0; 0.6, 1.5); density at the mean 0.3 / (2 * 1.5)."""
-    row = np.empty(9)
-    write_component(row, 0.7, -0.2, 4.0, 1.2, 2.61, 0.3)
-    np.testing.assert_allclose(row, [0.7, -0.2, 2.0, 0.6, 1.5, 0.1, 0.5, 1 / 1.5, 0.3])
-
-
 def described(path, sigma, weight):
     rows = np.empty((len(path), 9))
     for row, (x, y), own, share in zip(rows, path, sigma, weight, strict=True):

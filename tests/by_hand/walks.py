@@ -18,7 +18,8 @@ def two_walks():
 def textbook(time_s, places, q, r, v0):
     """Means [2, 2] and covariances [2, 2] of position and velocity after each detection, by matrices.
 
-    F P F' + Q with the white-noise acceleration Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]]; K = P H' / S.
+    F P F' + Q with the white-noise acceleration Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]]; K = P H' / S
+    (Bar-Shalom, Li & Kirubarajan 2001, 6.2.2). Starts at the first detection, at rest.
     A detection sooner than 0.05 s after the one before has the variance r^2 0.05 / dt.
     """
     mean, cov = np.array([places[0], [0.0, 0.0]]), np.diag([r**2, v0**2])
