@@ -93,19 +93,6 @@ def share_denser(path, sigma, weight, truth, points):
     return inside
 
 
-@pytest.mark.parametrize("points", [FINE, COARSE])
-def test_region_of_several_gaussians_that_reaches_the_truth(points):
-    """Their density is compared with that at the truth, near modes, between them and far away."""
-    truths = [SEEN, PATHS[:, 0] + 0.01, PATHS[:, 2] - 0.1, SEEN + 2.0, SEEN - [4.0, 1.0], SEEN * 30.0]
-    for truth in truths:
-        found = share_inside(modes_of(PATHS, SHARES, SIGMAS), truth, points)
-        expected = [
-            [share_denser(PATHS[w, :, p], SIGMAS[w, :, p], SHARES, truth[w, p], points) for p in range(3)]
-            for w in range(2)
-        ]
-        np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
 def test_region_around_a_mode_in_the_middle_of_the_others():
     """The middle mode is at the mean of all: its points keep their own directions."""
     path, weight = np.array([[[[0.0, 0.0]], [[1.0, 0.5]], [[-1.0, -0.5]]]]), np.array([0.4, 0.3, 0.3])

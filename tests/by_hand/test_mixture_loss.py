@@ -140,6 +140,17 @@ def test_scores_are_given_at_every_step(dt_s):
     assert len(chosen) > 1
 
 
+def test_best_mode_has_the_smallest_mean_distance():
+    """Mean 1.0, 0.6 and 0.73 m: neither the smallest median, nor the best first or last step."""
+    away = torch.tensor([[0.0, 0.0, 3.0], [0.5, 0.6, 0.7], [2.0, 0.1, 0.1]])
+    zeros = torch.zeros(1, 3, 3, 3)
+    outputs = {"modes": zeros[..., :2].clone(), "weight": zeros[:, 0, 0], "spread": zeros}
+    outputs["modes"][0, :, :, 1] = torch.diff(away, dim=-1, prepend=torch.zeros(3, 1)) / 0.4
+    outputs["velocities"] = still = zeros[:, 0, :, :2]
+    found = network_of().scores(outputs, still, 0.4)["min_ade_m"]
+    np.testing.assert_allclose(found, [[0.5, 0.6, 0.7]], rtol=1e-5)
+
+
 @pytest.mark.parametrize("dt_s", [0.3, 0.4])
 def test_answer_is_paths_weights_and_covariances(dt_s):
     """Positions sum up dt v; Sigma = [[a^2, k a^2], [k a^2, k^2 a^2 + c^2]]."""

@@ -6,6 +6,7 @@ import pytest
 from pedpred.forecasting.reduction import merge_modes
 from pedpred.forecasting.tensors import TENSORS, predictions_of, sound_rows
 from pedpred.scenes import Predictions
+from tests.forecasts import drawn_predictions
 
 
 def of_one(path, weight, covariance):
@@ -47,15 +48,11 @@ def reduced(path, weight, covariance, most):
 def test_the_pair_of_the_least_cost_is_merged_first(steps, most):
     """Of each person alone; costs are means over the steps. Six modes are left if no number is given."""
     rng = np.random.default_rng(50 + steps)
-    path = np.array([5.0, -3.0]) + np.cumsum(rng.normal(0, 0.4, (6, 7, steps, 2)), axis=2)
-    root = rng.normal(0, 0.4, (6, 7, steps, 2, 2)) + 0.3 * np.eye(2)
-    covariance = root @ np.swapaxes(root, -1, -2) + 0.01 * np.eye(2)
-    weight = (0.01 - np.sort(-rng.dirichlet(np.ones(7), 6), axis=1)) / 1.07
-    given = Predictions(path[:, 0], path, weight, 0.3, covariance)
+    given = drawn_predictions(rng, 6, 7, steps)
     after = merge_modes(given) if most is None else merge_modes(given, most)
     assert (after.dt_s, after.frame) == (0.3, "world")
     for row in range(6):
-        expected = reduced(path[row], weight[row], covariance[row], most or 6)
+        expected = reduced(given.path[row], given.weight[row], given.covariance[row], most or 6)
         for one, other in zip((after.path, after.weight, after.covariance), expected, strict=True):
             np.testing.assert_allclose(one[row], other, rtol=1e-9, atol=1e-12)
 
