@@ -93,19 +93,6 @@ def share_denser(path, sigma, weight, truth, points):
     return inside
 
 
-@pytest.mark.parametrize("points", [FINE, COARSE])
-def test_region_of_several_gaussians_that_reaches_the_truth(points):
-    """Their density is compared with that at the truth, near modes, between them and far away."""
-    truths = [SEEN, PATHS[:, 0] + 0.01, PATHS[:, 2] - 0.1, SEEN + 2.0, SEEN - [4.0, 1.0], SEEN * 30.0]
-    for truth in truths:
-        found = share_inside(modes_of(PATHS, SHARES, SIGMAS), truth, points)
-        expected = [
-            [share_denser(PATHS[w, :, p], SIGMAS[w, :, p], SHARES, truth[w, p], points) for p in range(3)]
-            for w in range(2)
-        ]
-        np.testing.assert_allclose(found, expected, atol=1e-9)
-
-
 def test_region_around_a_mode_in_the_middle_of_the_others():
     """The middle mode is at the mean of all: its points keep their own directions."""
     path, weight = np.array([[[[0.0, 0.0]], [[1.0, 0.5]], [[-1.0, -0.5]]]]), np.array([0.4, 0.3, 0.3])
@@ -115,13 +102,6 @@ def test_region_around_a_mode_in_the_middle_of_the_others():
         found = share_inside(modes_of(path - truth, weight, sigma), np.zeros((1, 1, 2)))
         expected = share_denser(path[0, :, 0] - truth, sigma[0, :, 0], weight, np.zeros(2), FINE)
         np.testing.assert_allclose(found, [[expected]], atol=1e-9)
-
-
-def test_a_mode_is_described_by_its_cholesky_factor():
-    """Sigma = (4, 1.2; 1.2, 2.61) = L L^T with L = (2, 0; 0.6, 1.5); density at the mean 0.3 / (2 * 1.5)."""
-    row = np.empty(9)
-    write_component(row, 0.7, -0.2, 4.0, 1.2, 2.61, 0.3)
-    np.testing.assert_allclose(row, [0.7, -0.2, 2.0, 0.6, 1.5, 0.1, 0.5, 1 / 1.5, 0.3])
 
 
 def described(path, sigma, weight):

@@ -75,10 +75,6 @@ def test_a_request_tells_what_was_perceived():
     assert (lean.clock, lean.social_force, lean.detection_noise_m) == (None, None, 0.0)
 
 
-def test_tracks_that_know_the_future_have_no_tracker():
-    assert find_windows(walks(), HOW, replace(SIZES, noncausal=True)).request.tracker is None
-
-
 def test_truth_is_where_people_are_not_where_detected():
     """The steps of 0.4 s are those of the recording, so that its positions are the true ones."""
     scene = walks()
@@ -101,8 +97,9 @@ def test_truth_is_where_people_are_not_where_detected():
         np.testing.assert_array_equal(getattr(windows, name), getattr(request.asked, name))
 
 
-def test_noncausal_scores_say_so():
+def test_tracks_that_know_the_future_have_no_tracker_and_say_so():
     windows = find_windows(walks(), HOW, replace(SIZES, noncausal=True))
+    assert windows.request.tracker is None
     assert measure(windows, {"still": standing}, MetricSettings())["still"].noncausal
 
 
@@ -117,10 +114,8 @@ def test_calibration_is_measured_with_all_metrics_only(metrics, steps):
 def test_some_windows_are_selected_with_their_truth():
     whole = find_windows(walks(), HOW, SIZES)
     part = whole.select(np.array([3, 0]))
-    assert list(zip(part.track.tolist(), np.round(part.time_s, 3).tolist(), strict=True)) == [
-        WINDOWS[3],
-        WINDOWS[0],
-    ]
+    found = list(zip(part.track.tolist(), np.round(part.time_s, 3).tolist(), strict=True))
+    assert found == [WINDOWS[3], WINDOWS[0]]
     np.testing.assert_array_equal(part.truth, whole.truth[[3, 0]])
     np.testing.assert_array_equal(part.request.asked.time_s, part.time_s)
     assert (len(part), part.without_truth) == (2, len(LOST))

@@ -23,6 +23,7 @@ from pedpred.features.targets import Futures, future_velocities
 from pedpred.scenes import Scene, Trajectories
 from pedpred.tracking import KalmanSettings, follow
 from tests.by_hand.lives import AGE, HEADING, PACE, SEEN, TIME_S, TRACK, TRACKED, scene_of, tracks_of
+from tests.by_hand.walks import lagrange
 from tests.worlds import empty_map, extract
 
 
@@ -111,14 +112,11 @@ def test_rows_at_detections_hold_states_and_targets_by_hand():
     np.testing.assert_array_equal(table.heading_rad, HEADING)
     np.testing.assert_allclose(table.velocity, turned_back(PACE, HEADING), atol=1e-6)
 
-    def truth(now_s):
-        others = [np.delete(TIME_S[:4], k) for k in range(4)]
-        return sum(np.prod((now_s - o) / (TIME_S[k] - o)) * SEEN[k] for k, o in enumerate(others))
-
-    path = np.array([TRACKED[1], truth(1.7), truth(2.0), SEEN[3]])
+    truth = lagrange(TIME_S[:4], SEEN[:4], np.array([1.7, 2.0, 2.1]))
+    path = np.array([TRACKED[1], truth[0], truth[1], SEEN[3]])
     expected = turned_back(np.diff(path, axis=0) / 0.3, 0.4)
     np.testing.assert_allclose(table.future[1], [*expected, [0, 0]], atol=1e-6)
-    expected = turned_back((truth(2.1) - TRACKED[2]) / 0.3, 0.3)
+    expected = turned_back((truth[2] - TRACKED[2]) / 0.3, 0.3)
     np.testing.assert_allclose(table.future[2], [expected, [0, 0], [0, 0], [0, 0]], atol=1e-6)
     np.testing.assert_allclose(table.future[4, 0], (SEEN[5] - TRACKED[4]) / 0.3, atol=1e-6)
     assert table.future.dtype == table.velocity.dtype == np.float32

@@ -34,10 +34,8 @@ def test_points_of_agents_are_placed_at_their_origins():
 
 def test_covariances_turn_on_both_sides():
     """R S R^T."""
-    own = (
-        np.array([[[[0.9, 0.2], [0.2, 0.4]], [[2.0, -0.5], [-0.5, 1.0]]]] * 3)
-        * np.arange(1, 4)[:, None, None, None]
-    )
+    own = np.array([[[[0.9, 0.2], [0.2, 0.4]], [[2.0, -0.5], [-0.5, 1.0]]]])
+    own = own * np.arange(1, 4)[:, None, None, None]
     turn = np.moveaxis(np.array([[COSINES, -SINES], [SINES, COSINES]]), -1, 0)[:, None]
     expected = turn @ own @ np.swapaxes(turn, -1, -2)
     np.testing.assert_allclose(rotated_covariance(own, ANGLES), expected)

@@ -23,34 +23,18 @@ def crops(position, heading_rad, cells=4, resolution_m=0.5, ground=MAP):
     return packed, unpack_crops(packed, cells)
 
 
-def test_crop_is_forward_by_left_around_the_person():
-    """Rows go forward and columns to the left, from -0.75 to 0.75 m; all around the map is free.
-
-    At (0, 3) along x these are x = -0.75 ... 0.75 and y = 2.25 ... 3.75: rows 0 to 3 of the map. Along y,
-    forward is y and left is -x; along -x, both are reversed. The corner (1.5, 4) is seen by half of its crop.
-    """
-    _, found = crops(
-        [[0.0, 3.0]] * 4 + [[1.5, 4.0], [-1.0, 2.0]], [0.0, np.pi / 2, np.pi, -np.pi / 2, 0.0, 0.0]
-    )
-    np.testing.assert_array_equal(found[0], [[1, 0, 0, 1], [0, 0, 1, 0], [0, 1, 0, 0], [0, 0, 1, 1]])
-    np.testing.assert_array_equal(found[1], [[0, 0, 0, 1], [0, 1, 0, 0], [1, 0, 1, 0], [1, 0, 0, 1]])
-    np.testing.assert_array_equal(found[2], [[1, 1, 0, 0], [0, 0, 1, 0], [0, 1, 0, 0], [1, 0, 0, 1]])
-    np.testing.assert_array_equal(found[3], [[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 0], [1, 0, 0, 0]])
-    np.testing.assert_array_equal(found[4], [[1, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]])
-    np.testing.assert_array_equal(found[5], [[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 0]])
-
-
 @pytest.mark.parametrize("resolution_m", [0.3, 0.5, 0.8])
-def test_cells_of_a_turned_crop_are_looked_up_one_by_one(resolution_m):
-    """p = x + f (0.6, 0.8) + l (-0.8, 0.6); its map cell is floor((p - origin) / 0.5 m)."""
-    _, found = crops([[0.13, 2.81]], [TURNED], 8, resolution_m)
-    expected = np.zeros((8, 8))
-    for i, j in np.ndindex(8, 8):
+def test_crops_are_forward_by_left_around_each_person(resolution_m):
+    """p = x + f (c, s) + l (-s, c); its cell is floor((p - origin) / 0.5 m). Around the map all is free."""
+    place = np.array([[0.13, 2.81], *[[0.0, 3.0]] * 4, [1.49, 3.98], [-0.99, 2.02]])
+    way = np.array([[0.6, 0.8], [1, 0], [0, 1], [-1, 0], [0, -1], [1, 0], [1, 0]])
+    _, found = crops(place, np.arctan2(way[:, 1], way[:, 0]), 8, resolution_m)
+    for n, i, j in np.ndindex(7, 8, 8):
         f, left = (i + 0.5 - 4) * resolution_m, (j + 0.5 - 4) * resolution_m
-        k, m = (int((0.13 + 0.6 * f - 0.8 * left + 1) // 0.5), int((2.81 + 0.8 * f + 0.6 * left - 2) // 0.5))
-        expected[i, j] = 0 <= k < 5 and 0 <= m < 4 and MAP.occupied[k, m]
-    assert expected.sum() >= 2
-    np.testing.assert_array_equal(found[0], expected)
+        at = place[n] + f * way[n] + left * np.array([-way[n, 1], way[n, 0]])
+        k, m = np.floor((at - [-1.0, 2.0]) / 0.5).astype(int)
+        assert found[n, i, j] == (0 <= k < 5 and 0 <= m < 4 and MAP.occupied[k, m])
+    assert (found.sum(axis=(1, 2)) >= 2).all()
 
 
 def test_bits_are_cells_row_by_row_least_significant_first():
@@ -150,15 +134,7 @@ def seen_from(position, heading_rad, velocity, others):
     """One tracked person, number 3, among others."""
     none, one = np.zeros(0), np.zeros(1)
     who = Pedestrians(np.array([3]), np.array([position]), np.array([heading_rad]), np.array([velocity]))
-    past = Past(
-        none,
-        np.zeros((0, 2)),
-        np.zeros((1, 2), int),
-        one,
-        np.zeros((1, 2)),
-        np.zeros((1, 2)),
-        np.zeros((1, 3)),
-    )
+    past = Past(none, np.zeros((0, 2)), np.zeros((1, 2), int), one, *np.zeros((2, 1, 2)), np.zeros((1, 3)))
     place = np.array([position, *others])
     around = Neighbours(np.arange(3, 3 + len(place)), place, 0 * place, np.array([[0, len(place)]]))
     return Surroundings(who, past, one, around, MAP)
@@ -172,17 +148,13 @@ def test_inputs_are_agent_frame_velocity_crop_and_distances(dt_s):
     np.testing.assert_allclose(found["state"], [[1.0, -0.5]], atol=1e-6)
     assert found["state"].dtype == np.float32
     expected, _ = crops([[0.0, 3.0]], [TURNED])
-    np.testing.assert_array_equal(found["occupancy"], expected)
+    alone = FEATURES.obstacle_inputs(MAP, np.array([[0.0, 3.0]]), np.array([TURNED]))
+    assert alone.keys() == {"occupancy"}  # of a network without neighbours
+    for inputs in (found, alone):
+        np.testing.assert_array_equal(inputs["occupancy"], expected)
     left = found["angular_grid"][0]
     assert sorted(left.tolist()) == pytest.approx([2.0, 5.0, 5.0, 5.0])
     assert left[:2].min() == pytest.approx(2.0)  # at 90 degrees, the edge of cones 0 and 1
-
-
-def test_crop_of_a_network_without_neighbours_is_the_same():
-    found = FEATURES.obstacle_inputs(MAP, np.array([[0.0, 3.0]]), np.array([np.pi / 2]))
-    assert found.keys() == {"occupancy"}
-    expected, _ = crops([[0.0, 3.0]], [np.pi / 2])
-    np.testing.assert_array_equal(found["occupancy"], expected)
 
 
 def test_channels_are_velocity_and_one_minus_share_of_the_range():
@@ -204,12 +176,7 @@ def test_channels_are_velocity_and_one_minus_share_of_the_range():
 def test_sizes_are_the_papers_by_default():
     """60 x 60 cells of 0.1 m, 72 cones, 6 m; Pfeiffer et al. 2018, IV."""
     paper = LstmFeatures()
-    assert (paper.grid_cells, paper.grid_resolution_m, paper.angular_cells, paper.max_range_m) == (
-        60,
-        0.1,
-        72,
-        6.0,
-    )
+    assert paper == LstmFeatures(grid_cells=60, grid_resolution_m=0.1, angular_cells=72, max_range_m=6.0)
     assert paper.shapes() == {"state": (2,), "crop": (60, 60), "angular": (72,)}
     columns = {name: np.zeros((2, *column.shape), column.dtype) for name, column in paper.columns().items()}
     assert {name: (rows.dtype.name, rows.shape) for name, rows in columns.items()} == {

@@ -31,22 +31,14 @@ def at(field, x, y):
 
 # Fields
 
-POINTS = [
-    (-0.9, 1.07),
-    (-0.62, 1.13),
-    (-0.45, 1.29),
-    (-2.0, 1.1),
-    (4.0, 1.1),
-    (-0.8, -3.0),
-    (-0.8, 9.0),
-    (9.0, 9.0),
-]
 
-
-@pytest.mark.parametrize(("x", "y"), POINTS)
-def test_fields_are_linear_between_centres_of_cells(x, y):
-    expected = [at(FIELD[..., k], x, y) for k in range(3)]
-    np.testing.assert_allclose(border(x, y, ground_of(FIELD, ORIGIN, CELL_M)), expected, atol=1e-12)
+def test_fields_are_linear_between_centres_of_cells():
+    for x, y in (
+        *((-0.9, 1.07), (-0.62, 1.13), (-0.45, 1.29), (-2.0, 1.1)),
+        *((4.0, 1.1), (-0.8, -3.0), (-0.8, 9.0), (9.0, 9.0)),
+    ):
+        expected = [at(FIELD[..., k], x, y) for k in range(3)]
+        np.testing.assert_allclose(border(x, y, ground_of(FIELD, ORIGIN, CELL_M)), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("part", [FIELD[2:3], FIELD[:, 1:2], FIELD[1:2, 2:3]])
@@ -249,10 +241,7 @@ def test_who_has_lost_its_group_feels_none():
 @pytest.mark.parametrize(("ahead", "turned"), [(1.0 + 1e-9, 0.0), (-1.0 - 1e-9, math.pi / 2)])
 def test_who_looks_straight_at_the_group_or_away_has_an_angle(ahead, turned):
     """Rounding may make the direction longer than 1. The other is 0.9 m ahead: neither far nor near."""
-    position, e, v = (
-        np.array([[0.0, 0.0], [0.9, 0.0]]),
-        np.array([[ahead, 0.0]] * 2),
-        np.array([[0.5, 0.2]] * 2),
-    )
+    position, v = np.array([[0.0, 0.0], [0.9, 0.0]]), np.array([[0.5, 0.2]] * 2)
+    e = np.array([[ahead, 0.0]] * 2)
     found = accompany(0, position, v, e, np.array([3, 3]), FORCES)
     np.testing.assert_allclose(found, -4.0 * turned * np.array([0.5, 0.2]), atol=1e-6)

@@ -7,9 +7,8 @@ from pedpred.tracking.noise import evidence, weighted
 from tests.by_hand.walks import SHORT, SHORT_S, TIME_S, WAY, extrapolated, textbook, two_walks
 
 PLACE = np.array([[1.0, -2.0], [4.0, 0.5], [-3.0, 7.0]])
-BANK = KalmanBank(
-    (KalmanSettings(0.2, 0.1, 1.2), KalmanSettings(0.05, 0.3, 0.8), KalmanSettings(0.9, 0.012, 2.0))
-)
+FILTERS = KalmanSettings(0.2, 0.1, 1.2), KalmanSettings(0.05, 0.3, 0.8), KalmanSettings(0.9, 0.012, 2.0)
+BANK = KalmanBank(FILTERS)
 
 
 def test_the_filters_beside_a_models_own_one():
@@ -69,10 +68,8 @@ def test_log_weights_add_up_and_end_10_below_the_largest():
     """People at 1 m/s: evidence added to the weights, less its maximum, at least -10."""
     before = BANK.initial_beliefs(PLACE)
     before = Belief(before.position, np.full((9, 2), 1.0), before.covariance)
-    weights, dt_s = (
-        np.array([[0.0, -2.0, -3.0], [-1.0, 0.0, -9.9], [-4.0, -9.0, 0.0]]),
-        np.array([0.7, 0.4, 0.8]),
-    )
+    weights = np.array([[0.0, -2.0, -3.0], [-1.0, 0.0, -9.9], [-4.0, -9.0, 0.0]])
+    dt_s = np.array([0.7, 0.4, 0.8])
     seen = PLACE + dt_s[:, None] + [[0.1, 0.2], [1.7, -0.9], [0.02, 0.01]]
     after, found = BANK.follow(before, weights, dt_s, seen, 0.2)
     q, r = np.array([0.2, 0.05, 0.9]), np.array([0.1, 0.3, 0.012])

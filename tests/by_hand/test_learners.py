@@ -148,9 +148,8 @@ def test_weights_decay_by_rate_and_move_by_moments(made, betas):
     learner = made()
     weights = np.array(GAIN)
     moments = np.zeros((2, 2))
-    learner.loss = lambda gradient, _: Loss(
-        (learner.network.gain * gradient).sum(), torch.zeros(()), torch.ones(())
-    )
+    nothing = torch.zeros(()), torch.ones(())
+    learner.loss = lambda gradient, _: Loss((learner.network.gain * gradient).sum(), *nothing)
     for step, (gradient, rate) in enumerate([((2.0, 0.0), 0.125), ((-1.0, 0.0), 0.25), ((4.0, 0.5), 0.25)]):
         train_step(learner, torch.tensor(gradient), step)
         for i, power in enumerate((1, 2)):

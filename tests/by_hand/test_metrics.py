@@ -6,7 +6,7 @@ from scipy.stats import rice
 
 from pedpred.metrics import METRICS
 from pedpred.metrics.calibration import FINE
-from pedpred.metrics.paths import displacement, too_close
+from pedpred.metrics.paths import too_close
 from pedpred.scenes import OccupancyMap, Predictions
 from tests.by_hand.modes import PATHS, SEEN, SHARES, SIGMAS, modes_of, scene_of
 
@@ -62,11 +62,6 @@ def test_at_the_threshold_is_no_miss():
     given = Predictions.single(np.array([[[9.0, 9.0], [3.0, 4.0]], [[9.0, 9.0], [3.0, 4.001]]]), 0.4)
     found = METRICS["miss_rate_k1"].value(given, np.zeros((2, 2, 2)), scene_of(2, miss_m=5.0))
     np.testing.assert_array_equal(found, [0.0, 1.0])
-
-
-def test_displacement_is_the_euclidean_distance():
-    one, other = np.array([[[4.0, 5.0], [0.0, 8.0]]]), np.array([[1.0, 1.0]])
-    np.testing.assert_allclose(displacement(one, other), [[5.0, np.sqrt(50)]])
 
 
 def test_share_of_the_steps_in_occupied_cells():

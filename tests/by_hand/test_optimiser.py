@@ -98,16 +98,6 @@ def test_rates_at_the_limits():
     assert learning_rate(6, 5, 0.3, 5) == pytest.approx(0.003)
 
 
-def test_each_step_moves_by_its_rate_and_its_gradient_alone():
-    learner = Slopes([])
-    for step in range(7):
-        told = train_step(learner, step, step)
-        assert float(told) == LOSSES[step]
-        assert not told.requires_grad
-        assert learner.optimizer.param_groups[0]["lr"] == pytest.approx(RATES[step], abs=1e-6)
-        assert learner.weights == pytest.approx(weights_after(step + 1), abs=1e-5)
-
-
 def test_weights_without_a_part_in_a_step_do_not_move():
     learner, other = Slopes([], torch.optim.AdamW), nn.Parameter(torch.ones(1))
     learner.optimizer.add_param_group({"params": [other]})
@@ -174,13 +164,6 @@ def test_the_weights_of_the_lowest_figure_are_put_back(figures, best):
     assert learner.weights == pytest.approx(weights_after(best), abs=1e-5)
 
 
-def test_the_lowest_figure_of_nothing_is_infinite():
-    progress = Progress()
-    assert progress.lowest("a") == math.inf
-    progress.curve += [{"a": 3.0, "b": 1.0}, {"a": 2.0, "b": 5.0}, {"a": 4.0, "b": 9.0}]
-    assert [progress.lowest("a"), progress.lowest("b")] == [2.0, 1.0]
-
-
 def test_a_figure_that_is_lost_ends_the_training():
     curve = train(Slopes([math.nan, math.nan, 2.0, math.nan]), None, "toy")
     assert len(curve) == 4
@@ -194,14 +177,12 @@ def test_a_figure_that_is_lost_ends_the_training():
 @pytest.mark.parametrize("ended_at", [3, 6])
 def test_a_resumed_training_has_what_an_undisturbed_one_has(tmp_path, ended_at):
     figures = (5.0, 3.0, 4.0, 6.0)
-    whole, broken = (
-        Slopes(f, torch.optim.AdamW, best_by="validation_figure")
-        for f in (figures, figures[: ended_at // 3 + 1])
-    )
+    by = {"optimizer": torch.optim.AdamW, "best_by": "validation_figure"}
+    whole, broken = Slopes(figures, **by), Slopes(figures[: ended_at // 3 + 1], **by)
     curve = train(whole, None, "toy")
     with pytest.raises(StopIteration):
         train(broken, tmp_path, "toy")
-    again = Slopes(figures[ended_at // 3 + 1 :], torch.optim.AdamW, best_by="validation_figure")
+    again = Slopes(figures[ended_at // 3 + 1 :], **by)
     assert train(again, tmp_path, "toy")[1:] == curve[1:]
     assert again.done == ended_at
     assert again.weights == whole.weights

@@ -53,13 +53,9 @@ PLAIN = {"kind": "kalman", "acceleration_noise": 0.3, "position_noise_m": 0.1, "
 def test_a_tracker_is_a_filter_or_the_truth():
     assert parse_tracker(PLAIN) == KalmanSettings(0.3, 0.1, 1.4)
     assert parse_tracker({"kind": "truth"}) is None
-    wrong = [
-        {"kind": "other"},
-        {**PLAIN, "kind": "other"},
-        {"kind": "truth", "position_noise_m": 0.1},
-        [PLAIN],
-    ]
+    wrong = [[PLAIN], {"kind": "other"}, {**PLAIN, "kind": "other"}]
     wrong += [{**PLAIN, "position_noise_m": value} for value in (0.0, float("inf"), "0.1")]
+    wrong += [{"kind": "truth", "position_noise_m": 0.1}]
     for plain in wrong:
         with pytest.raises(ValueRuleError):
             parse_tracker(plain)

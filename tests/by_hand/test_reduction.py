@@ -6,6 +6,7 @@ import pytest
 from pedpred.forecasting.reduction import merge_modes
 from pedpred.forecasting.tensors import TENSORS, predictions_of, sound_rows
 from pedpred.scenes import Predictions
+from tests.forecasts import drawn_predictions
 
 
 def of_one(path, weight, covariance):
@@ -43,49 +44,17 @@ def reduced(path, weight, covariance, most):
     return path[order], weight[order], covariance[order]
 
 
-def test_two_modes_become_their_mean_and_covariance():
-    """Weights 0.3 and 0.1 of (1, 2) and (3, -2): the mean is (1.5, 1).
-
-    Within: 3/4 (0.5, 0.1; 0.1, 0.4) + 1/4 (0.2, -0.1; -0.1, 0.8). Between: 3/16 (4, -8; -8, 16).
-    """
-    path = [[[40.0, 9.0]], [[1.0, 2.0]], [[3.0, -2.0]]]
-    covariance = [[np.eye(2)], [[[0.5, 0.1], [0.1, 0.4]]], [[[0.2, -0.1], [-0.1, 0.8]]]]
-    after = merge_modes(of_one(path, [0.6, 0.3, 0.1], covariance), 2)
-    np.testing.assert_allclose(after.weight, [[0.6, 0.4]])
-    np.testing.assert_allclose(after.path[0, :, 0], [[40.0, 9.0], [1.5, 1.0]])
-    np.testing.assert_allclose(after.covariance[0, 0, 0], np.eye(2))
-    expected = [[0.425 + 0.75, 0.05 - 1.5], [0.05 - 1.5, 0.5 + 3.0]]
-    np.testing.assert_allclose(after.covariance[0, 1, 0], expected)
-    assert (after.dt_s, after.frame) == (0.4, "world")
-
-
-@pytest.mark.parametrize(("steps", "most"), [(1, 3), (3, 2), (8, 1), (9, 4), (17, 6)])
+@pytest.mark.parametrize(("steps", "most"), [(1, 3), (3, 2), (8, 1), (9, 4), (17, 6), (2, None)])
 def test_the_pair_of_the_least_cost_is_merged_first(steps, most):
-    """Modes of unequal weights and correlated covariances; costs are means over the steps."""
+    """Of each person alone; costs are means over the steps. Six modes are left if no number is given."""
     rng = np.random.default_rng(50 + steps)
-    for _ in range(6):
-        path = np.array([5.0, -3.0]) + np.cumsum(rng.normal(0, 0.4, (7, steps, 2)), axis=1)
-        root = rng.normal(0, 0.4, (7, steps, 2, 2)) + 0.3 * np.eye(2)
-        covariance, weight = root @ np.swapaxes(root, -1, -2) + 0.01 * np.eye(2), rng.dirichlet(np.ones(7))
-        weight = np.sort(weight + 0.01)[::-1] / 1.07
-        after = merge_modes(of_one(path, weight, covariance), most)
-        expected = reduced(path, weight, covariance, most)
-        found = after.path[0], after.weight[0], after.covariance[0]
-        for one, other in zip(found, expected, strict=True):
-            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
-
-
-def test_each_person_is_reduced_alone_and_six_modes_are_left():
-    rng = np.random.default_rng(3)
-    path, root = rng.normal(0, 1, (2, 8, 2, 2)), rng.normal(0, 0.5, (2, 8, 2, 2, 2))
-    covariance = root @ np.swapaxes(root, -1, -2) + 0.01 * np.eye(2)
-    weight = -np.sort(-rng.dirichlet(np.ones(8), 2), axis=1)
-    after = merge_modes(Predictions(path[:, 0], path, weight, 0.3, covariance))
-    for row in range(2):
-        expected = reduced(path[row], weight[row], covariance[row], 6)
-        found = after.path[row], after.weight[row], after.covariance[row]
-        for one, other in zip(found, expected, strict=True):
-            np.testing.assert_allclose(one, other, rtol=1e-9)
+    given = drawn_predictions(rng, 6, 7, steps)
+    after = merge_modes(given) if most is None else merge_modes(given, most)
+    assert (after.dt_s, after.frame) == (0.3, "world")
+    for row in range(6):
+        expected = reduced(given.path[row], given.weight[row], given.covariance[row], most or 6)
+        for one, other in zip((after.path, after.weight, after.covariance), expected, strict=True):
+            np.testing.assert_allclose(one[row], other, rtol=1e-9, atol=1e-12)
 
 
 def apart_for(cost_per_weight, share):
@@ -103,24 +72,21 @@ def two_pairs(costs, weight, most, steps=1):
     return after.weight[0].tolist(), after.path[0, :, 0, 1].tolist()
 
 
-def test_equal_costs_are_merged_at_once():
+@pytest.mark.parametrize("steps", [1, 8, 9, 20])
+def test_equal_costs_are_merged_at_once(steps):
     """Costs that differ by less than 1 in 1000; the most likely mode is then given twice, with half of it.
 
-    At 1.05 in 1000 only the first pair is merged.
+    At 1.05 in 1000 only the first pair is merged. Costs do not depend on the number of equal steps.
     """
     weight = [0.2, 0.25, 0.3, 0.25]
-    assert two_pairs((0.1, 0.10009), weight, 3)[0] == pytest.approx([0.45, 0.275, 0.275])
-    assert two_pairs((0.10009, 0.1), weight, 3)[0] == pytest.approx([0.45, 0.275, 0.275])
-    assert two_pairs((0.1, 0.100105), weight, 3)[0] == pytest.approx([0.45, 0.3, 0.25])
-    assert two_pairs((0.100105, 0.1), weight, 3)[0] == pytest.approx([0.55, 0.25, 0.2])
-    assert two_pairs((0.1, 0.10009), weight, 2)[0] == pytest.approx([0.55, 0.45])
-
-
-@pytest.mark.parametrize("steps", [1, 8, 9, 20])
-def test_costs_do_not_depend_on_the_number_of_equal_steps(steps):
-    weight = [0.2, 0.25, 0.3, 0.25]
-    assert two_pairs((0.1, 0.1002), weight, 3, steps)[0] == pytest.approx([0.45, 0.3, 0.25])
-    assert two_pairs((0.1002, 0.1), weight, 3, steps)[0] == pytest.approx([0.55, 0.25, 0.2])
+    for costs, most, expected in (
+        ((0.1, 0.10009), 3, [0.45, 0.275, 0.275]),
+        ((0.10009, 0.1), 3, [0.45, 0.275, 0.275]),
+        ((0.1, 0.100105), 3, [0.45, 0.3, 0.25]),
+        ((0.100105, 0.1), 3, [0.55, 0.25, 0.2]),
+        ((0.1, 0.10009), 2, [0.55, 0.45]),
+    ):
+        assert two_pairs(costs, weight, most, steps)[0] == pytest.approx(expected)
 
 
 def test_copies_are_the_likeliest_mode_at_the_same_place():
@@ -161,9 +127,8 @@ def test_covariances_of_certain_people_do_not_underflow():
 
 def test_as_many_modes_as_may_be_stay():
     rng = np.random.default_rng(1)
-    given = of_one(
-        rng.normal(size=(6, 1, 2)), [0.3, 0.2, 0.2, 0.1, 0.1, 0.1], np.tile(np.eye(2), (6, 1, 1, 1))
-    )
+    weight = [0.3, 0.2, 0.2, 0.1, 0.1, 0.1]
+    given = of_one(rng.normal(size=(6, 1, 2)), weight, np.tile(np.eye(2), (6, 1, 1, 1)))
     assert merge_modes(given) is given
 
 

@@ -53,9 +53,8 @@ def test_rounding_of_times_loses_no_detection():
     np.testing.assert_allclose(found, [[9.0, 5.0], [7.0, 9.0]], atol=1e-5)
     gap = Detections(np.array([0.0, 1.0 + off_s]), np.array([1, 1]), np.array([[0.0, 0.0], [4.0, 8.0]]))
     np.testing.assert_allclose(gap.at(np.array([1]), np.array([0.25]))[0], [[1.0, 2.0]], atol=1e-5)
-    near = Detections(
-        np.array([-0.2 - off_s, 0.0, 0.2 + off_s]), np.ones(3, int), np.diag([1.0, 3.0, 9.0])[:, :2].copy()
-    )
+    time_s = np.array([-0.2 - off_s, 0.0, 0.2 + off_s])
+    near = Detections(time_s, np.ones(3, int), np.diag([1.0, 3.0, 9.0])[:, :2].copy())
     found, noise = near.at(np.array([1]), np.array([0.0]))
     np.testing.assert_allclose(found, [[1 / 3, 1.0]], atol=1e-5)
     np.testing.assert_allclose(noise, 1 / 3, atol=1e-5)
@@ -118,14 +117,8 @@ def test_values_are_found_among_rising_ones():
 def pending(path, covariance, weight, **given):
     """Forecasts of people 0, 1, ... at one step, compared with detections at 3 s."""
     rows = len(path)
-    usual = {
-        "due_s": 3.2,
-        "until_s": 7.0,
-        "step": 0,
-        "forecast": 10 + np.arange(rows),
-        "person": np.arange(rows),
-    }
-    usual |= {"group": np.zeros(rows, np.int64), "learned": np.zeros((2, 2))}
+    usual = {"due_s": 3.2, "until_s": 7.0, "step": 0, "person": np.arange(rows)}
+    usual |= {"forecast": 10 + np.arange(rows), "group": np.zeros(rows, int), "learned": np.zeros((2, 2))}
     return PendingForecast(path=path, covariance=covariance, weight=weight, **usual | given)
 
 
@@ -206,10 +199,8 @@ def test_noise_of_detections_is_added_before_the_comparison(share):
 
 def test_most_of_what_was_learned_since_is_applied_first():
     """Standard deviations of two groups times exp(0.8 (a now - a then)); of one mode b plays no part."""
-    now, then = (
-        np.array([[[0.9, 0.5], [0.1, -0.4]], [[0.0, 1.0], [0.0, 0.3]]]),
-        np.array([[0.2, 0.3], [0.4, -0.1]]),
-    )
+    now = np.array([[[0.9, 0.5], [0.1, -0.4]], [[0.0, 1.0], [0.0, 0.3]]])
+    then = np.array([[0.2, 0.3], [0.4, -0.1]])
     group = np.repeat([0, 1], len(U))
     wider = np.exp(0.8 * np.where(group == 0, 0.5 - 0.2, -0.4 - 0.3))
     past, known = single(wider * away(np.tile(U, 2)), step=1, group=group, learned=then)

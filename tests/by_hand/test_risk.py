@@ -32,16 +32,9 @@ def rectangle(mu, covariance, radius_m=R_M):
 @pytest.mark.parametrize("spread", [(0.09, 0.05, 0.16), (0.5, -0.2, 0.11), (0.02, 0.0, 0.3)])
 def test_an_overlap_is_the_probability_of_a_rectangle(mu, spread):
     xx, xy, yy = spread
-    expected_p = rectangle(mu, [[xx, xy], [xy, yy]])
-    assert overlap(*mu, xx, xy, yy, R_M) == pytest.approx(expected_p, abs=1e-12)
-    assert overlap(*mu, xx, xy, yy, 0.35) == pytest.approx(
-        rectangle(mu, [[xx, xy], [xy, yy]], 0.35), abs=1e-12
-    )
-
-
-def test_one_overlap_in_plain_numbers():
-    """d = 0.5, sigma = 0.4, s = 0.3, m = 0, h = 0.4712: [0.59871 - 0.00298] [2 x 0.94189 - 1]."""
-    assert overlap(0.0, -0.5, 0.09, 0.0, 0.16, R_M) == pytest.approx(0.59573 * 0.88378, abs=2e-5)
+    for radius_m in (R_M, 0.35):
+        expected_p = rectangle(mu, [[xx, xy], [xy, yy]], radius_m)
+        assert overlap(*mu, xx, xy, yy, radius_m) == pytest.approx(expected_p, abs=1e-12)
 
 
 def test_discs_touch_at_the_sum_of_their_radii():
@@ -151,16 +144,6 @@ MEANS = np.array(
 )
 """Three people with three modes at two steps, all ahead of the robot."""
 SHARES = [[0.6, 0.3, 0.1], [0.5, 0.3, 0.2], [0.45, 0.35, 0.2]]
-
-
-@pytest.mark.parametrize("step", [0, 1])
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_people_are_independent_and_modes_are_not(step, count):
-    """P = 1 - prod_n (1 - sum_k w_nk p_nk)."""
-    p = [[rectangle(at[step] - [0.2, -0.1], [[0.04, 0.01], [0.01, 0.09]]) for at in one] for one in MEANS]
-    free = 1.0 - (np.array(SHARES) * p).sum(axis=1)
-    found = risks(people_at(MEANS[:count], SHARES[:count]), step)
-    assert found == pytest.approx((1.0 - free[:count].prod(),) * 2, abs=1e-12)
 
 
 def test_nobody_is_no_risk():

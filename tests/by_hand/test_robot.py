@@ -47,9 +47,8 @@ def test_differential_manoeuvres_are_pairs_of_turns():
     """A speed v and a turn w, then w, -w or 0, or braking; or w on the spot, then straight at half speed."""
     turns = [sign * share * 1.7 for share in (0.0, 0.15, 0.35, 0.65, 1.0) for sign in (-1, 1)]
     once = [(v * 1.1, w) for v in (0.25, 0.5, 0.75, 1.0) for w in turns]
-    pairs = {(c, (c[0], side * c[1])) for c in once for side in (1, 0, -1)} | {
-        ((0.0, w), (0.55, 0.0)) for w in turns
-    }
+    pairs = {(c, (c[0], side * c[1])) for c in once for side in (1, 0, -1)}
+    pairs |= {((0.0, w), (0.55, 0.0)) for w in turns}
     offered = ROBOT.manoeuvres(0.7, 9, 2, 5)
     expected_set = {(c, then) for c, then in pairs} | {(c, (0.0, 0.0)) for c, _ in pairs}
     found = {(tuple(np.round(c[1], 9)), tuple(np.round(c[2], 9))) for c in offered + 0.0}

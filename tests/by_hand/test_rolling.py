@@ -54,15 +54,8 @@ def tracks(lengths):
 def test_whole_tracks_are_rolled_with_their_memory(lengths):
     """Longer than one block of 32 steps, or more than one block of 256 tracks: nobody's memory is lost."""
     state, angular, spans = tracks(lengths)
-    future = torch.zeros(len(state), STEPS, 2)
-    zeros = np.zeros(len(spans), int)
-    data = rows_of(
-        torch.from_numpy(state),
-        future,
-        1,
-        angular=torch.from_numpy(angular),
-        spans=Spans(spans, zeros, zeros, zeros),
-    )
+    given = {"angular": torch.from_numpy(angular), "spans": Spans(spans, *np.zeros((3, len(spans)), int))}
+    data = rows_of(torch.from_numpy(state), torch.zeros(len(state), STEPS, 2), 1, **given)
     network, found = toy(), np.full((len(state), STEPS, 2), np.nan)
     counts = np.zeros(len(state), int)
     for rows, outputs in run_over_sequences(network, data, spans):
@@ -105,17 +98,9 @@ def recalled(network, lengths, instants):
 
 
 INSTANTS = [
-    (1, 4, 1),
-    (3, 2, 0),
-    (0, 3, 0),
-    (3, 0, 1),
-    (1, 4, 0),
-    (0, 0, 0),
-    (1, 5, 0),
-    (3, 2, 1),
-    (1, 4, 0),
-    (1, 0, 1),
-]
+    (1, 4, 1), (3, 2, 0), (0, 3, 0), (3, 0, 1), (1, 4, 0),
+    (0, 0, 0), (1, 5, 0), (3, 2, 1), (1, 4, 0), (1, 0, 1),
+]  # fmt: skip
 """Tracks 0, 1 and 3 of 3, 6, 2 and 4 steps: at or behind a step, before the first, behind the last one."""
 
 
@@ -176,11 +161,8 @@ def test_forecasts_are_single_steps_along_the_clock(dt_s, every_s):
     for i in range(len(table)):
         earlier = (clock.track_id == table.track_id[i]) & (clock.time_s < table.time_s[i] - 1e-4)
         velocities = steps_by_hand(network, [*inputs[0][earlier], inputs[1][i]])[-1]
-        path, c, s = (
-            np.cumsum(dt_s * velocities, axis=0),
-            np.cos(table.heading_rad[i]),
-            np.sin(table.heading_rad[i]),
-        )
+        path = np.cumsum(dt_s * velocities, axis=0)
+        c, s = np.cos(table.heading_rad[i]), np.sin(table.heading_rad[i])
         world = table.position[i] + path @ np.array([[c, s], [-s, c]])
         np.testing.assert_allclose(found.path[i, 1], world, atol=1e-4)
         np.testing.assert_allclose(found.point[i], world, atol=1e-4)

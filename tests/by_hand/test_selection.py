@@ -41,20 +41,19 @@ def test_paths_meet_within_0_3_m_on_either_side(axis, sign):
         assert found == pytest.approx(pairs)
 
 
-@pytest.mark.parametrize(("x", "y", "share"), [(3.0, 4.0, 1.0), (3.6, 4.8, 0.5), (-5.0, 1.0, 1.0)])
-def test_people_regard_each_other_fully_up_to_5_m(x, y, share):
+@pytest.mark.parametrize(
+    ("x", "y", "share"),
+    [
+        *((3.0, 4.0, 1.0), (3.6, 4.8, 0.5), (-5.0, 1.0, (7.0 - 26**0.5) / 2)),
+        *((7.0, 0.0, 0.0), (4.2, 5.6, 0.0), (6.0, 6.0, 0.0)),
+    ],
+)
+def test_people_regard_each_other_from_7_m_on(x, y, share):
     """(7 m - away) / 2 m, at most 1. The paths are 0.1 m apart."""
     path = np.concatenate([MEET, MEET + np.array([0.06, 0.08])])
     found = listed(path, [[2.0, -1.0], [2.0 + x, -1.0 + y]])
-    away_m = np.hypot(x, y)
-    expected = min(1.0, (7.0 - away_m) / 2.0) * (1 - 0.1 / 0.3)
-    assert share == 1.0 or expected == pytest.approx(0.5 * (1 - 0.1 / 0.3))
-    assert found == pytest.approx({(0, k, 1, m): expected for k in range(2) for m in range(2)})
-
-
-@pytest.mark.parametrize(("x", "y"), [(7.0, 0.0), (4.2, 5.6), (6.0, 6.0)])
-def test_people_7_m_apart_do_not_regard_each_other(x, y):
-    assert not listed(np.concatenate([MEET, MEET]), [[0.0, 0.0], [x, y]])
+    pairs = [(0, k, 1, m) for k in range(2) for m in range(2)] if share else []
+    assert found == pytest.approx(dict.fromkeys(pairs, share * (1 - 0.1 / 0.3)))
 
 
 def test_who_is_too_far_away_does_not_hide_those_after():

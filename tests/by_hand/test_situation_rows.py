@@ -269,10 +269,8 @@ def test_noise_of_a_viewing_depends_on_frames_left_out(rate_hz, noise_m):
 
 def test_a_viewing_has_trackers_of_its_own_share():
     """Exact trackers follow people who jump to and fro by 0.3 m; drawn ones, with 0.5 m of noise, do not."""
-    exact, vague = (
-        KalmanSettings(10.0, 1e-3),
-        {"position_noise_m": (0.4, 0.5), "acceleration_noise": (0.01, 0.02)},
-    )
+    exact = KalmanSettings(10.0, 1e-3)
+    vague = {"position_noise_m": (0.4, 0.5), "acceleration_noise": (0.01, 0.02)}
     scene = scene_of(walkers(20), 0.1)
     states = scene.trajectories
     jump = 0.3 * (np.round(states.time_s * 10) % 2)

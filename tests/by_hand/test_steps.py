@@ -65,15 +65,8 @@ def test_the_next_target_follows_within_reach_of_the_present_one():
     """At dt = tau, everybody goes at 1 m/s towards the target that it has then; they are reached at 0.5 m."""
     routes = routes_along([1.0, 0.0], [0.0, 1.0], [0.6, 0.8], target=[[2.0, 1.0], [9.0, 9.0], [-4.0, 3.0]])
     start = [
-        [1.66, 1.33],
-        [1.61, 0.68],
-        [2.3, 9.0],
-        [-3.6, 3.2],
-        [-3.9, 3.2],
-        [9.2, 9.1],
-        [9.1, 8.8],
-        [2.1, 1.1],
-    ]
+        [1.66, 1.33], [1.61, 0.68], [2.3, 9.0], [-3.6, 3.2], [-3.9, 3.2], [9.2, 9.1], [9.1, 8.8], [2.1, 1.1],
+    ]  # fmt: skip
     plan = [[0, 1, 2], [0, 2, 1], [0, 1, 2], [2, -1, -1], [2, 1, 0], [0, 2, 1], [2, 1, 0], [1, 0, -1]]
     crowd = crowd_of(start, np.zeros((8, 2)), [1.0] * 8, plan)
     crowd.leg[5:] = 2, 1, 1

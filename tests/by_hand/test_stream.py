@@ -46,12 +46,8 @@ def test_frames_that_are_earlier_for_0_3_s_set_the_clock_back():
     clock, arrival = after(10.0, 9.4, 9.5, 9.6)
     assert (clock.now_s, clock.dropped_s, arrival) == (10.0, (9.4, 9.6), Arrival.LATE)
     clock, arrival = clock.accept(9.7, 1)
-    assert (clock.now_s, clock.dropped_s, clock.jumps, arrival) == (
-        9.7,
-        (np.inf, np.inf),
-        1,
-        Arrival.SET_BACK,
-    )
+    assert (clock.now_s, clock.dropped_s, clock.jumps) == (9.7, (np.inf, np.inf), 1)
+    assert arrival is Arrival.SET_BACK
 
 
 @pytest.mark.parametrize("between_s", [10.1, 9.6])
@@ -78,9 +74,7 @@ def test_setting_back_takes_twice_as_long_until_5_s_are_calm():
 def test_of_several_long_gaps_the_first_one_is_told(caplog):
     """Jumps back are told each time; nothing is where nobody is known."""
     after(0.0, 10.0, 20.0, 30.0)
-    assert [record.getMessage()[:39] for record in caplog.records] == [
-        "time jumps from 0.0 s to 10.0 s (second"
-    ]
+    assert [record.args[:2] for record in caplog.records] == [(0.0, 10.0)]
     caplog.clear()
     clock, _ = after(0.0, 10.0, people=0)
     assert (clock.jumps, caplog.records) == (0, [])

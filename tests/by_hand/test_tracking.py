@@ -5,7 +5,6 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_discrete_are
 
 from pedpred.errors import ValueRuleError
 from pedpred.scenes import Scene, Trajectories
@@ -26,7 +25,17 @@ from pedpred.tracking.matching import cheapest_pairs, distances_m
 from pedpred.tracking.spacing import references, spaced
 from pedpred.tracking.steps import are_too_long, catch_up
 from pedpred.tracking.tracks import births, jumped, last_rows
-from tests.by_hand.walks import SHORT, SHORT_S, TIME_S, WAY, extrapolated, textbook, two_walks
+from tests.by_hand.walks import (
+    SHORT,
+    SHORT_S,
+    TIME_S,
+    WAY,
+    extrapolated,
+    lagrange,
+    settled,
+    textbook,
+    two_walks,
+)
 from tests.worlds import empty_map
 
 COVARIANCE = np.array([[0.5, 0.2, 0.9], [0.04, -0.03, 0.7], [1.2, 0.6, 2.0]])
@@ -76,14 +85,8 @@ def test_a_first_detection_has_its_own_variance_and_no_velocity():
 
 @pytest.mark.parametrize("dt_s", [0.3, 0.4])
 def test_a_settled_belief_solves_the_riccati_equation(dt_s):
-    """Before a detection P = F P F' + Q - F P H' H P F' / S; after it, a share 1 - P_pp / S is left."""
-    q, r = 0.3, 0.2
-    step, sight = np.array([[1.0, dt_s], [0.0, 1.0]]), np.array([[1.0], [0.0]])
-    noise = q * np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
-    p = solve_discrete_are(step.T, sight, noise, np.array([[r**2]]))
-    p = p - np.outer(p[0], p[0]) / (p[0, 0] + r**2)
-    belief = steady_state(dt_s, KalmanSettings(q, r, 3.0))
-    np.testing.assert_allclose(belief.covariance, [[p[0, 0], p[0, 1], p[1, 1]]])
+    belief = steady_state(dt_s, KalmanSettings(0.3, 0.2, 3.0))
+    np.testing.assert_allclose(belief.covariance, [settled(dt_s, 0.3, 0.2).ravel()[[0, 1, 3]]])
     np.testing.assert_array_equal([belief.position, belief.velocity], np.zeros((2, 1, 2)))
 
 
@@ -247,15 +250,6 @@ def test_of_equal_sums_a_row_takes_a_column_that_is_free():
 
 
 # Resampling and likelihood
-
-
-def lagrange(time_s, values, now_s):
-    """The polynomial through all points; four points have one cubic spline, three one parabola."""
-    total = 0.0
-    for k, own in enumerate(time_s):
-        others = np.delete(time_s, k)
-        total = total + np.prod((now_s[:, None] - others) / (own - others), axis=1)[:, None] * values[k]
-    return total
 
 
 @pytest.mark.parametrize("dt_s", [0.3, 0.4])

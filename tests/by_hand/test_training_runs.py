@@ -21,7 +21,7 @@ from pedpred.training.distributed import (
     distributed_context,
     multiplies_bfloat16,
 )
-from pedpred.training.fit import average_weights, fit, initialise, load_training_rows, write_curve
+from pedpred.training.fit import fit, initialise, load_training_rows, write_curve
 from pedpred.training.learner import FitSettings
 from pedpred.training.loop import Learner
 from tests.by_hand.rows import FIT, STEPS, data_of
@@ -33,10 +33,8 @@ TINY = lstm(2, 3, {"state": (2, 2)})
 
 def test_joint_gradients_are_weighted_by_targets(monkeypatch):
     """Processes with 3 and 5 targets: (3 g + 5 g') / 8, and the same of the losses 1.5 and 0.9."""
-    ours, theirs = (
-        np.array([1.0, -2.0, 0.5, 4.0, 3.0, 6.0, 8.0]),
-        np.array([2.0, 7.0, -1.0, 0.0, 9.0, 1.0, 3.0]),
-    )
+    ours = np.array([1.0, -2.0, 0.5, 4.0, 3.0, 6.0, 8.0])
+    theirs = np.array([2.0, 7.0, -1.0, 0.0, 9.0, 1.0, 3.0])
 
     def joined(our_weight, their_weight):
         def adding(values):
@@ -72,13 +70,6 @@ def test_products_are_narrow_where_that_is_chosen():
     for narrow in (False, True):
         with DistributedContext(torch.device("cpu"), narrow).precision():
             assert (float(row @ column) == 257.0) != narrow
-
-
-def test_one_process_keeps_its_gradients():
-    weights = nn.Parameter(torch.zeros(2))
-    weights.grad = torch.tensor([3.0, -1.0])
-    assert float(ALONE.average([weights], torch.tensor(1.5), torch.tensor(0))) == 1.5
-    assert weights.grad.tolist() == [3.0, -1.0]
 
 
 @pytest.mark.parametrize(
@@ -219,21 +210,10 @@ def test_one_run_starts_from_its_seed_or_from_given_weights(tmp_path, monkeypatc
         fit(TINY, None, data, replace(how, runs=2), "toy", ALONE)
 
 
-def test_the_mean_of_networks_leaves_them_as_they_are():
-    networks = [TINY.build({"state": 2}, STEPS) for _ in range(3)]
-    for network, value in zip(networks, (1.0, 2.0, 6.0), strict=True):
-        for weights in network.parameters():
-            nn.init.constant_(weights, value)
-    for weights in average_weights(networks).parameters():
-        assert weights.flatten().tolist() == [3.0] * weights.numel()
-    assert [next(network.parameters()).flatten()[0].item() for network in networks] == [1.0, 2.0, 6.0]
-
-
 def test_a_network_takes_what_fits_of_the_phase_before(tmp_path):
     data = data_of(grid=torch.zeros(20, 392))
     encoder = write_autoencoder(tmp_path / "encoder").encoder
     found, fresh = (initialise(NETWORK, data, before, 7) for before in (tmp_path / "encoder", None))
-    expected = NETWORK.build(data.widths, STEPS)
     torch.manual_seed(7)
     expected = NETWORK.build(data.widths, STEPS)
     for name, weights in expected.state_dict().items():

@@ -77,9 +77,8 @@ def walked(rows, time_s=TIMES_S):
     """Detections of some people, m. [N, T, 2]."""
     rng = np.random.default_rng(7)
     way = np.array([[1.2, 0.1], [-0.4, 0.9], [0.02, 0.03]])[:rows, None] * time_s[:, None]
-    return (
-        np.array([[12.0, -5.0], [20.0, 3.0], [-7.0, 1.0]])[:rows, None] + way + rng.normal(0, 0.05, way.shape)
-    )
+    begin = np.array([[12.0, -5.0], [20.0, 3.0], [-7.0, 1.0]])[:rows, None]
+    return begin + way + rng.normal(0, 0.05, way.shape)
 
 
 PEOPLE, SPEED_MPS = np.array([9, 4, 6]), [1.0, 0.8, 0.1]
@@ -98,11 +97,8 @@ def stepped(trust, time_s=TIMES_S, position=None, seen=None):
 
 def apart_from(forecasts, position, upto):
     """From the point forecasts to both lines [N, L, P, 2], and how far these count [N, L]."""
-    apart, fits, time_s = (
-        np.empty((len(forecasts), 2, STEPS, 2)),
-        np.empty((len(forecasts), 2)),
-        TIMES_S[:upto],
-    )
+    apart, fits = np.empty((len(forecasts), 2, STEPS, 2)), np.empty((len(forecasts), 2))
+    time_s = TIMES_S[:upto]
     for row, line in np.ndindex(fits.shape):
         there, velocity, missed_m = fitted(time_s, position[row, :upto], time_s[-1], (2.4, 0.6)[line])
         apart[row, line] = there + velocity * AHEAD_S[:, None] - forecasts.point[row]

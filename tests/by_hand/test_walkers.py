@@ -159,9 +159,8 @@ def test_people_keep_a_time_to_the_next_ahead(ahead, aside, side, speed):
     other = POSITION[0] + ahead * E[0] + side * aside * np.array([0.8, 0.6])
     model = MODEL._replace(strength=0.0)
     walk = Walk([POSITION[0], other], VELOCITY[:2], E[:2], model, headway_s=np.array([0.9, 0.0]))
-    touch = (
-        20.0 * max(0.51 - math.hypot(ahead, aside), 0.0) * (POSITION[0] - other) / math.hypot(ahead, aside)
-    )
+    away = math.hypot(ahead, aside)
+    touch = 20.0 * max(0.51 - away, 0.0) * (POSITION[0] - other) / away
     expected = (speed * E[0] - VELOCITY[0]) / 0.5 + touch
     np.testing.assert_allclose(walk.on(1e-3).acceleration[0], expected, atol=1e-4)
 

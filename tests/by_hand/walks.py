@@ -1,6 +1,7 @@
 """The Kalman filter of the textbook, by matrices, and two walks, for values by hand."""
 
 import numpy as np
+from scipy.linalg import solve_discrete_are
 
 from pedpred.scenes import Trajectories
 
@@ -18,7 +19,8 @@ def two_walks():
 def textbook(time_s, places, q, r, v0):
     """Means [2, 2] and covariances [2, 2] of position and velocity after each detection, by matrices.
 
-    F P F' + Q with the white-noise acceleration Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]]; K = P H' / S.
+    F P F' + Q with the white-noise acceleration Q = q [[dt^3/3, dt^2/2], [dt^2/2, dt]]; K = P H' / S
+    (Bar-Shalom, Li & Kirubarajan 2001, 6.2.2). Starts at the first detection, at rest.
     A detection sooner than 0.05 s after the one before has the variance r^2 0.05 / dt.
     """
     mean, cov = np.array([places[0], [0.0, 0.0]]), np.diag([r**2, v0**2])
@@ -32,7 +34,27 @@ def textbook(time_s, places, q, r, v0):
     return found
 
 
+def settled(dt_s, q, r):
+    """Covariance of position and velocity after a detection, if there was one every dt. [2, 2].
+
+    Before it P = F P F' + Q - F P H' H P F' / S; after it, a share 1 - P_pp / S is left.
+    """
+    step, sight = np.array([[1.0, dt_s], [0.0, 1.0]]), np.array([[1.0], [0.0]])
+    noise = q * np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]])
+    p = solve_discrete_are(step.T, sight, noise, np.array([[r**2]]))
+    return p - np.outer(p[0], p[0]) / (p[0, 0] + r**2)
+
+
 def extrapolated(mean, cov, dt, q):
     step = np.array([[1.0, dt], [0.0, 1.0]])
     noise = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
     return step @ mean, step @ cov @ step.T + noise
+
+
+def lagrange(time_s, values, now_s):
+    """The polynomial through all points; four points have one cubic spline, three one parabola."""
+    total = 0.0
+    for k, own in enumerate(time_s):
+        others = np.delete(time_s, k)
+        total = total + np.prod((now_s[:, None] - others) / (own - others), axis=1)[:, None] * values[k]
+    return total
