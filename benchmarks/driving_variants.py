@@ -185,7 +185,9 @@ def drive_episode(trial: Trial, number: int) -> tuple[list[Row], Times]:
     rows, times = [], Times(time.process_time() - begun_s, {}, {})
     for name, risk in product(trial.variants, trial.risks):
         variant, condition = VARIANTS[name], Condition(name, risk)
-        online = OnlineSettings(detection_noise_m=usual.sensor.noise_m, learn_trust=False)
+        online = OnlineSettings(
+            detection_noise_m=usual.sensor.noise_m, learn_trust=False, learn_local_errors=False
+        )
         if variant.kept_s is not None:
             online = replace(online, max_age_s=variant.kept_s)
         predictor = _predictor(trial.model, online)

@@ -65,6 +65,11 @@ Walk = Callable[[float], np.ndarray]
 """Positions of all people at a time (s), m, NaN for people who are not there. [N, 2]."""
 
 
+def learning(max_age_s: float, learns: bool, **other: KalmanSettings) -> OnlineSettings:
+    """Settings of a robot that learns at a place, or does not."""
+    return OnlineSettings(max_age_s, learn_trust=learns, learn_local_errors=learns, **other)
+
+
 def ade_m(
     scene: Scene, model: Path | None, settings: OnlineSettings, sensor: SensorSettings | None = None
 ) -> dict[str, float]:
@@ -92,10 +97,7 @@ def other_people(options: argparse.Namespace) -> Iterator[Row]:
             path = Path(folder, f"{number}.sqlite")
             write_jupedsim(walking, ground, ways, path, np.random.default_rng(number))
             scene = open_scene(path)
-            trusting, error = (
-                ade_m(scene, options.model, OnlineSettings(0.125, learn_trust=trust))
-                for trust in (True, False)
-            )
+            trusting, error = (ade_m(scene, options.model, learning(0.125, trust)) for trust in (True, False))
             best = min(error["cv"], error["kalman_cv"])
             yield {
                 "ground": name,
@@ -143,7 +145,7 @@ def _beside_fitted_filter(
     age_s = 1.25 * seen.detection_dt_s
     fitted = tune_kalman(seen.trajectories, max(1, round(3.2 / seen.detection_dt_s)))
     own, other = (
-        ade_m(scene, options.model, OnlineSettings(age_s, learn_trust=options.trust, **tracker), sensor)
+        ade_m(scene, options.model, learning(age_s, options.trust, **tracker), sensor)
         for tracker in ({}, {"tracker": fitted})
     )
     return own["network"], min(own["cv"], other["kalman_cv"])
@@ -159,7 +161,7 @@ def curves(options: argparse.Namespace) -> Iterator[Row]:
         row: Row = {"turn rate, rad/s": f"{turn_radps:g}", "noise, m": f"{noise_m:g}"}
         for rate_hz in TURN_RATES_HZ:
             sensor = SensorSettings(rate_hz=rate_hz, position_noise_m=noise_m)
-            settings = OnlineSettings(1.25 / rate_hz, learn_trust=options.trust)
+            settings = learning(1.25 / rate_hz, options.trust)
             network = ade_m(scene, options.model, settings, sensor)["network"]
             best = best_filter_m(scene, sensor)
             ratio = f" ({network / best:.2f})" if best > _LEAST_M else ""
@@ -235,7 +237,7 @@ def bias(options: argparse.Namespace) -> Iterator[Row]:
 def ahead_m(scene: Scene, model: Path | None) -> dict[str, np.ndarray]:
     """Displacement of each window along the heading at the horizon, m, and its speed, m/s. [W] each."""
     age_s = predictor_for(scene, None).settings.max_age_s
-    predictor = OnlinePredictor.load(model, OnlineSettings(age_s, learn_trust=False))
+    predictor = OnlinePredictor.load(model, learning(age_s, False))
     how = Perception(predictor.filters, predictor.description.standstill_mps)
     windows = find_windows(scene, how, predictor.protocol, memory=False)
     request = replace(windows.request, tracker=None)

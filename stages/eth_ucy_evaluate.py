@@ -55,7 +55,7 @@ def evaluate_recording(cfg: DictConfig, fold: str, at: str, fitted: KalmanBank |
         simple = find_observed_windows(scene, replace(how, kalman=fitted), windows, memory=False)
     measured = partial(measure, settings=settings, samples=cfg.samples)
     scores = measured(simple, {key: method() for key, method in PRESENT_MOTION.items()})
-    choices = {"together": settings.together, "learning": False, "trust": False}  # nothing earlier is known
+    choices = {"together": settings.together, "learning": False, "trust": False, "local_errors": False}
     for network in cfg.networks:
         training = f"eth_ucy_{cfg.methods.networks[network].settings.architecture}_folds"
         folders = {

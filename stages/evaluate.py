@@ -56,7 +56,7 @@ def trials_of_baseline(cfg: DictConfig, name: str) -> Iterator[tuple[str, Path, 
 def trials_of_network(cfg: DictConfig, name: str, weights: str) -> Iterator[tuple[str, Path, Trial]]:
     """A network at all test sets: with the weights of each fold, or with those of the main training."""
     where, settings = cfg.methods.networks[name].where, metric_settings(cfg)
-    links = {link: getattr(settings, link) for link in ("together", "learning", "trust")}
+    links = {link: getattr(settings, link) for link in ("together", "learning", "trust", "local_errors")}
     trained = Path("models", f"{cfg.methods.networks[name].settings.architecture}_{weights}", name)
     folds = [(key, fold) for study in cfg.folds.values() for key, fold in study.items()]
     tested = [(key, [fold]) for key, fold in folds if "train" in fold]

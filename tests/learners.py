@@ -1,7 +1,8 @@
-"""Trust and regions, each by itself, along the instants of a stream."""
+"""Trust, regions and local errors, each by itself, along the instants of a stream."""
 
 import numpy as np
 
+from pedpred.forecasting.local_errors import LocalErrors
 from pedpred.forecasting.postprocessing import PlaceKnowledge, Postprocessing
 from pedpred.forecasting.regions import Regions
 from pedpred.forecasting.trust import Trust
@@ -9,10 +10,11 @@ from pedpred.scenes import Predictions
 
 
 def place_of(learner):
-    """Knowledge of a place that is trust, or regions, alone; that of a place stays."""
+    """Knowledge of a place that is one learner alone; that of a place stays."""
     if isinstance(learner, PlaceKnowledge):
         return learner
-    return PlaceKnowledge(learner, None) if isinstance(learner, Trust) else PlaceKnowledge(None, learner)
+    kinds = Trust, Regions, LocalErrors
+    return PlaceKnowledge(*(learner if isinstance(learner, kind) else None for kind in kinds))
 
 
 def at_instant(place, time_s, person, detection, seen, forecasts):

@@ -150,7 +150,7 @@ def test_thresholds_are_published_ones_and_reach_their_metrics(hall, measured):
 def test_alone_means_each_person_by_itself(hall, mixture):
     scene, settings = read_scene(hall), EvaluationSettings(bootstrap=1)
     isolated = shift_times(scene.trajectories, isolating_shifts(scene.trajectories))
-    robot = predictor_for(scene, mixture[0], learn_trust=False)  # as `--alone` has it
+    robot = predictor_for(scene, mixture[0], learns=False)  # as `--alone` has it
     together = assess(dataclasses.replace(scene, trajectories=isolated), robot, settings)["network"]
     people = scene.trajectories.track_id
     for track in np.unique(people):

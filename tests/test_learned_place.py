@@ -103,13 +103,16 @@ def damaged(about, *where, value):
 @pytest.mark.parametrize(
     ("where", "value"),
     [
-        (("schema",), 2),
+        (("schema",), 1),
         (("network_sha256",), "0" * 64),
         (("regions", "learned", 0, 0, 0), 1.5),
         (("trust", "compared", 0), -1.0),
         (("trust", "products", 0, 0, 0, 0), -1.0),
         (("trust", "products", 0, 0, 0, 1), 1e6),
         (("trust", "errors", 0, 0, 0), "much"),
+        (("local_errors", "number", 0), 0.5),
+        (("local_errors", "square", 0, 0), -1.0),
+        (("local_errors", "error", 0, 0), [1.0]),
     ],
 )
 def test_a_wrong_file_is_refused_and_nothing_changes(where, value, people, visited, tmp_path):

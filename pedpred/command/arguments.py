@@ -146,7 +146,7 @@ def _add_output(command: argparse.ArgumentParser, what: str, required: bool = Fa
 
 def _add_network(command: argparse.ArgumentParser) -> None:
     add_model(command)
-    alone = "forecasts of the network alone, without learning how far to trust it from people who have left"
+    alone = "forecasts of the network alone: learn neither how far to trust it nor its errors nearby"
     command.add_argument("--no-trust", dest="trust", action="store_false", help=alone)
 
 

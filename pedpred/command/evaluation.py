@@ -105,8 +105,8 @@ def _measure(path: Path, arguments: argparse.Namespace, settings: EvaluationSett
     foreign = dict(zip(called, read, strict=True))
     if (transform := arguments.options.transform) is not None:  # the people were moved when they were read
         foreign = {name: forecasts.to_map(transform) for name, forecasts in foreign.items()}
-    learn_trust = arguments.trust and not (arguments.alone or arguments.protocol)  # which needs other people
-    predictor = predictor_for(scene, arguments.model, _tracker(arguments, scene), learn_trust=learn_trust)
+    learns = arguments.trust and not (arguments.alone or arguments.protocol)  # which needs other people
+    predictor = predictor_for(scene, arguments.model, _tracker(arguments, scene), learns=learns)
     if arguments.alone:
         shift_s = isolating_shifts(scene.trajectories)
         scene = replace(scene, trajectories=shift_times(scene.trajectories, shift_s))

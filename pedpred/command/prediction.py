@@ -67,7 +67,7 @@ def predictor_for(
     model: Path | None,
     tracker: KalmanSettings | None = None,
     detection_noise_m: float = 0.0,
-    learn_trust: bool = True,
+    learns: bool = True,
 ) -> OnlinePredictor:
     """Load a predictor whose `max_age_s` covers the time between two detections of this scene; for any crowd.
 
@@ -76,7 +76,7 @@ def predictor_for(
         model: a model folder; None: the default one.
         tracker: in place of the model's.
         detection_noise_m: see `OnlineSettings`.
-        learn_trust: see there.
+        learns: `learn_trust` and `learn_local_errors`, see there.
 
     Raises:
         InputError: a file of the model is missing or damaged.
@@ -88,7 +88,8 @@ def predictor_for(
         min(max(0.5, 1.25 * scene.detection_dt_s), lost_after_s),
         tracker=tracker,
         detection_noise_m=detection_noise_m,
-        learn_trust=learn_trust,
+        learn_trust=learns,
+        learn_local_errors=learns,
         most_people=MOST_PEOPLE,
     )
     return OnlinePredictor.load(folder, settings)

@@ -84,7 +84,9 @@ class Runner:
         """
         self.settings, self.places, self._models = settings, places, models
         noise_m = settings.sensor.noise_m
-        online = OnlineSettings(detection_noise_m=noise_m, learn_trust=False)  # an episode is short
+        online = OnlineSettings(  # an episode is short
+            detection_noise_m=noise_m, learn_trust=False, learn_local_errors=False
+        )
         folders = {folder: None for folder in (models.default, *models.others.values())}
         self._sums = {folder: checksum(places, settings, folder) for folder in folders}
         self._predictors = {folder: OnlinePredictor.load(folder, online) for folder in folders}

@@ -17,6 +17,8 @@ KNOWN = 4
 """Forecasts are kept of people who were detected at least so often lately, as in the evaluation."""
 GAP_S = 1.0
 """Positions are known between detections that are at most so far apart, s."""
+LEFT_AFTER_S = 1.0
+"""People who are not detected for longer than the horizon and this, s, have left."""
 NEAR_S, _MANY = 0.2, 3
 """A line is fitted to the detections this near in time, s, if there are so many."""
 
@@ -61,6 +63,11 @@ class Detections:
             [Q].
         """
         return _at(*self.rows_of(person), self.time_s, self.position, time_s)
+
+    def paths(self, person: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        """Positions of some tracks [N] at some times [P], see `at`. [N, P, 2]."""
+        asked = np.repeat(person, len(time_s)), np.tile(time_s, len(person))
+        return self.at(*asked)[0].reshape(len(person), len(time_s), 2)
 
     def lines(self, person: np.ndarray, time_s: float, spans_s: np.ndarray) -> Lines:
         """Fit lines to the latest detections of some tracks.

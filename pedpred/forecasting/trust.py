@@ -31,14 +31,20 @@ import numpy as np
 
 from pedpred.compiled import compiled
 from pedpred.errors import ValueRuleError
-from pedpred.forecasting.detections import KNOWN, NEAR_S, Detections, Instant, Lines, is_in_sorted
+from pedpred.forecasting.detections import (
+    KNOWN,
+    LEFT_AFTER_S,
+    NEAR_S,
+    Detections,
+    Instant,
+    Lines,
+    is_in_sorted,
+)
 from pedpred.forecasting.groups import GROUPS, groups_of
 from pedpred.scenes import Predictions
 from pedpred.settings import finite
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
-LEFT_AFTER_S = 1.0
-"""People who are not detected for longer than the horizon and this, s, have left."""
 _SPANS_S = np.array([2.4, 0.6])
 """Lines are fitted to so many seconds of detections, s: a steady one, and one that follows turns."""
 _LINES = len(_SPANS_S)
@@ -256,8 +262,7 @@ class Trust:
         if not due:
             return self
         for past in due:
-            asked = np.repeat(past.person, len(past.time_s)), np.tile(past.time_s, len(past.person))
-            error = now.detections.at(*asked)[0].reshape(past.point.shape) - past.point
+            error = now.detections.paths(past.person, past.time_s) - past.point
             row = np.searchsorted(self.person, past.person)
             sums = sums.with_comparisons(self.weights, row, past.group, past.offset, error)
         return replace(self, sums=sums, past=tuple(past for past in self.past if past.due_s > now_s))

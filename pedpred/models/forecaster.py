@@ -37,6 +37,7 @@ class NetworkForecaster:
         together: people choose their modes together, see `pedpred.forecasting.selection`.
         learning: regions learn from earlier forecasts, see `pedpred.forecasting.regions`.
         trust: trust beside straight lines is learned likewise, see `pedpred.forecasting.trust`.
+        local_errors: of earlier forecasts nearby correct later ones, see `pedpred.forecasting.local_errors`.
     """
 
     network: ForecastNetwork
@@ -45,6 +46,7 @@ class NetworkForecaster:
     together: bool = True
     learning: bool = True
     trust: bool = False
+    local_errors: bool = False
 
     def __call__(self, request: ForecastRequest) -> Predictions:
         """World-frame predictions of the request's rows.
@@ -69,7 +71,9 @@ class NetworkForecaster:
                 outputs, _ = self.network({n: torch.from_numpy(v)[:, None] for n, v in channels.items()}, {})
             return self._decode({name: values[:, 0] for name, values in outputs.items()}, request.sizes.dt_s)
 
-        postprocessing = Postprocessing(self.together, self.learning, request.detection_noise_m, self.trust)
+        postprocessing = Postprocessing(
+            self.together, self.learning, request.detection_noise_m, self.trust, self.local_errors
+        )
         which, parts = zip(*forecast_blocks(request, self.features, infer, postprocessing), strict=True)
         return Predictions.join(parts).select(np.argsort(np.concatenate(which)))
 
@@ -110,7 +114,7 @@ def forecaster(network_folder: Path, autoencoder_folder: Path, **choices: bool) 
     Args:
         network_folder: the checkpoint.
         autoencoder_folder: the checkpoint of the encoder.
-        choices: `together`, `learning` and `trust` of `NetworkForecaster`.
+        choices: `together`, `learning`, `trust` and `local_errors` of `NetworkForecaster`.
 
     Raises:
         InputError: a checkpoint is missing or damaged.

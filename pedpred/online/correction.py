@@ -9,6 +9,7 @@ import numpy as np
 
 from pedpred.arrays import real_number, real_numbers
 from pedpred.errors import ValueRuleError, shape_error
+from pedpred.forecasting.local_errors import LocalErrors
 from pedpred.forecasting.postprocessing import PlaceKnowledge
 from pedpred.forecasting.regions import Regions
 from pedpred.forecasting.trust import Trust
@@ -70,6 +71,7 @@ class Correction:
             place,
             trust=place.trust and self._of_trust(place.trust),
             regions=place.regions and self._of_regions(place.regions),
+            local_errors=place.local_errors and self._of_errors(place.local_errors),
             detections=replace(place.detections, position=self._places(place.detections.position)),
         )
 
@@ -86,6 +88,22 @@ class Correction:
             for one in regions.pending
         )
         return replace(regions, pending=pending)
+
+    def _of_errors(self, errors: LocalErrors) -> LocalErrors:
+        means = errors.means._replace(
+            start=self._places(errors.means.start),
+            way=self._vectors(errors.means.way),
+            error=self._vectors(errors.means.error),
+        )
+        past = tuple(
+            one._replace(start=self._places(one.start), point=self._places(one.point)) for one in errors.past
+        )
+        waiting = errors.waiting._replace(
+            start=self._places(errors.waiting.start),
+            way=self._vectors(errors.waiting.way),
+            error=self._vectors(errors.waiting.error),
+        )
+        return LocalErrors(means, waiting, past)
 
     def _vectors(self, vectors: np.ndarray) -> np.ndarray:
         return rotate(vectors, np.float64(self.turn_rad))

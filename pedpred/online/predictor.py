@@ -44,9 +44,9 @@ class OnlinePredictor:
     A frame in between gets a forecast from its own inputs and the state of the last step, which stays as it
     is, so any frame rate will do. If frames are rarer than steps, the missed steps are computed for their own
     instants, from what was known then. A network without memory has no steps; people choose among its modes
-    together (`pedpred.forecasting.selection`), and trust in it and its regions learn from what people did
-    (`pedpred.forecasting.trust`, `pedpred.forecasting.regions`). One object serves one stream; it is not
-    thread-safe. A copy (`copy.deepcopy`, `pickle`) goes on by itself.
+    together (`pedpred.forecasting.selection`), and trust in it, its errors at the place and its regions are
+    learned from what people did (`pedpred.forecasting.trust`, `.local_errors`, `.regions`). One object serves
+    one stream; it is not thread-safe. A copy (`copy.deepcopy`, `pickle`) goes on by itself.
 
     Attributes:
         description: what the model folder says about its network, with the tracker that is used.
@@ -74,7 +74,11 @@ class OnlinePredictor:
         self.settings, self.network = checked, ExportedNetwork(folder, described)
         self.description = replace(described, tracker=checked.tracker or described.tracker)
         self.filters = KalmanBank.around(self.description.tracker, learns)
-        self.postprocessing = Postprocessing(noise_m=checked.detection_noise_m, trust=checked.learn_trust)
+        self.postprocessing = Postprocessing(
+            noise_m=checked.detection_noise_m,
+            trust=checked.learn_trust,
+            local_errors=checked.learn_local_errors,
+        )
         self._steps = NetworkSteps(self.network, self.description, checked.max_age_s)
         self._map: OccupancyMap | None = None
         self.name: Callable[[int], object] = int

@@ -29,6 +29,8 @@ class OnlineSettings(Settings):
             from detections, and without it they become large enough to hold the detector's noise, too.
         learn_trust: learn from people who have left how far to trust the network beside lines, see
             `pedpred.forecasting.trust`.
+        learn_local_errors: correct forecasts by the errors of earlier ones nearby, see
+            `pedpred.forecasting.local_errors`; not for a world frame that drifts or turns with the robot.
         most_people: people to follow; of more, those who came first. An update for 1000 takes up to 0.3 s.
     """
 
@@ -38,6 +40,7 @@ class OnlineSettings(Settings):
     learn_noise: bool | None = None
     detection_noise_m: Annotated[float, In("[0, 100]")] = 0.0
     learn_trust: bool = True
+    learn_local_errors: bool = True
     most_people: Annotated[int, In("[1, 100000]")] = 1000
 
     def __post_init__(self) -> None:

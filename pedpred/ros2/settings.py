@@ -72,6 +72,9 @@ class NodeSettings(Settings):
     learn_trust: bool = _parameter(
         True, "learn from people who have left how far to trust the network beside straight lines"
     )
+    learn_local_errors: bool = _parameter(
+        True, "correct forecasts by the errors of earlier ones nearby; not in a frame that drifts"
+    )
     place_file: str = _parameter(
         "",
         "a JSON file that stores what was learned at the place, read at the start, written every minute and "
@@ -127,6 +130,7 @@ class NodeSettings(Settings):
             max_age_s=self.max_age_s,
             detection_noise_m=self.detection_noise_m,
             learn_trust=self.learn_trust,
+            learn_local_errors=self.learn_local_errors,
             most_people=self.most_people,
         )
 

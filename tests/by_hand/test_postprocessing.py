@@ -285,7 +285,7 @@ def test_a_place_is_kept_as_numbers():
     assert (left.regions.pending, left.trust.past, len(left.trust.person)) == ((), (), 0)
     np.testing.assert_array_equal(left.regions.learned, place.regions.learned)
     nothing = PlaceKnowledge(None, None)
-    assert nothing.plain() == {"trust": None, "regions": None}
+    assert nothing.plain() == dict.fromkeys(("trust", "regions", "local_errors"))
     assert nothing.without_people() == nothing.restored(plain) == nothing
     part = Postprocessing(trust=True).initial(2).restored(plain | {"trust": None})
     assert not part.trust.place.errors.any()
