@@ -80,7 +80,7 @@ rosenv: setup
 	@.ci/ros
 
 ros: rosenv ## run the ROS 2 node with publishers and recorders on real middleware (not part of `make test-all`)
-	PEDPRED_REQUIRE_ROS=1 python -m pytest --numprocesses 2 --max-worker-restart 0 tests/test_ros_node.py tests/test_ros_viewers.py tests/test_ros_package.py
+	PEDPRED_REQUIRE_ROS=1 python -m pytest --numprocesses 2 --max-worker-restart 0 tests/test_ros_node.py tests/test_ros_viewers.py
 
 pythons: ## try the installation of a robot on other versions of Python: make pythons PYTHONS="python3.12 python3.13"
 	@.ci/pythons $(PYTHONS)

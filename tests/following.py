@@ -25,14 +25,9 @@ def follower_of(is_subscribed=lambda topic: True, clock=lambda: 0.0, **values):
 
 def people(time_s, frame="map", **places):
     """A message of people; `places`: name -> x, y and perhaps z, m."""
-    return crowd(time_s, places.items(), frame)
-
-
-def crowd(time_s, pairs, frame="map"):
-    """A message of people; pairs of name, also the same one, and position."""
     here = [
         {"name": name, "position": dict(zip("xyz", map(float, (*at, 0.0)[:3]), strict=True))}
-        for name, at in pairs
+        for name, at in places.items()
     ]
     return serialize(PEOPLE, {"header": header(round(time_s * 1e9), frame), "people": here})
 

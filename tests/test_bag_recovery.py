@@ -14,6 +14,7 @@ from pedpred.command.recordings import open_scene
 from pedpred.errors import InputError
 from pedpred.ros import is_bag, read_bag
 from tests.bags import PEOPLE, Store, repacked
+from tests.refused import unread
 
 COUNT = 60
 
@@ -69,9 +70,8 @@ def test_another_damaged_file_is_refused_with_what_repairs_it(kind, remedy, tmp_
     raw = path.read_bytes()
     half = len(raw) // 2
     path.write_bytes(raw[:half] + (bytes(500) + raw[half + 500 :] if kind == "mcap" else b""))
-    with pytest.raises(InputError) as error:
+    with unread(path, remedy=remedy):
         read_bag(path)
-    assert remedy in str(error.value)
 
 
 @pytest.mark.parametrize("kind", ["db3", "mcap"])
@@ -84,6 +84,10 @@ def test_a_folder_is_read_whatever_metadata_yaml_says(kind, tmp_path):
         (folder / "metadata.yaml").write_text(about)
         assert is_bag(folder)
         assert walked(read_bag(folder)) == COUNT
+    next(folder.glob("hall.*")).unlink()
+    assert not is_bag(folder)
+    with unread(folder):
+        read_bag(folder)
 
 
 def test_files_follow_in_the_order_of_their_numbers(tmp_path, caplog):
@@ -100,13 +104,6 @@ def test_files_follow_in_the_order_of_their_numbers(tmp_path, caplog):
     assert len(caplog.records) == 1
 
 
-def test_a_folder_without_files_of_a_bag_is_refused(tmp_path):
-    (tmp_path / "metadata.yaml").touch()
-    assert not is_bag(tmp_path)
-    with pytest.raises(InputError):
-        read_bag(tmp_path)
-
-
 @pytest.mark.parametrize("kind", ["db3", "mcap", "bag"])
 def test_a_file_that_is_compressed_as_a_whole_is_unpacked(kind, tmp_path, monkeypatch):
     path = write(kind, tmp_path)
@@ -120,9 +117,8 @@ def test_a_file_that_is_compressed_as_a_whole_is_unpacked(kind, tmp_path, monkey
     assert (walked(scene), scene.name) == (COUNT, "hall")
     for limit in ("BYTES", "RATIO"):  # then it would fill the disk
         monkeypatch.setattr(f"pedpred.ros.bag_files._LARGEST_{limit}", 1)
-    with pytest.raises(InputError) as error:
+    with unread(packed):
         read_bag(packed)
-    assert error.value.path == packed
 
 
 def test_a_write_ahead_log_is_read(tmp_path):
@@ -154,5 +150,5 @@ def test_damaged_messages_are_left_out_and_counted(kind, tmp_path, caplog):
     for message in messages:
         raw = raw.replace(message, bytes([255]) * len(message))
     path.write_bytes(raw)
-    with pytest.raises(InputError):
+    with unread(path):
         read_bag(path)

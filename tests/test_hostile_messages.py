@@ -7,13 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pedpred.errors import PedpredError
-from pedpred.online import OnlinePredictor
 from pedpred.ros.message_types import UPDATE_TYPE, serialize
 from pedpred.ros2.diagnostics import Latencies, status_values
 from tests.bags import GRID, PEOPLE, TF
 from tests.following import answered, follower_of, people, rows_of
 
-SEEDS = st.integers(0, 2**32 - 1)
 ODD = st.sampled_from([0.0, -0.0, 1.0, -3.0, 1e-300, 1e8, 1e9, 1e300, np.inf, -np.inf, np.nan])
 FRAMES = st.sampled_from(["map", "/map", "", "odom", "camera", "world", "m\u00e4p"])
 STAMPS = (
@@ -105,41 +103,3 @@ def test_after_whatever_messages_a_sound_stream_is_forecast(sent):
         rows = rows_of(published["predictions"])
         assert len(np.unique(rows[["track_id", "track_high"]])) == 2
         assert all(np.isfinite(rows[name]).all() for name in ("x", "y", "weight", "cov_xx", "cov_yy"))
-
-
-VALUES = st.one_of(
-    ODD,
-    st.integers(-(2**70), 2**70),
-    st.text(max_size=3),
-    st.none(),
-    st.booleans(),
-    st.sampled_from(
-        [2**63 - 1, -(2**63), np.uint64(2**64 - 1), np.float32(3), np.int8(3), 1j, np.datetime64("2020", "s")]
-    ),
-)
-CALLS = st.tuples(
-    VALUES | st.floats(0, 3),
-    st.lists(VALUES | st.integers(0, 9), max_size=5) | VALUES,
-    st.lists(st.lists(VALUES, min_size=1, max_size=3), max_size=5) | VALUES,
-)
-
-
-@settings(max_examples=12)
-@given(st.lists(CALLS, max_size=12), SEEDS)
-def test_what_a_predictor_refuses_has_never_been(calls, seed):
-    """It refuses with an error about an argument, or forecasts; the others are forecast as without it."""
-    rng = np.random.default_rng(seed)
-    robot, other = OnlinePredictor.load(), OnlinePredictor.load()
-    for k in range(len(calls) + 3):
-        for time_s, track_id, position in calls[k : k + 1]:
-            try:
-                found = robot.update(time_s, track_id, position)
-            except PedpredError:
-                continue
-            expected = other.update(time_s, track_id, position)
-            np.testing.assert_array_equal(found.predictions.path, expected.predictions.path)
-        place = np.array([[0.1 * k, 0.0], [5.0, 0.1]]) + rng.normal(0, 0.02, (2, 2))
-        found, expected = (one.update(1e4 + 0.1 * k, [1, 2**62], place) for one in (robot, other))
-        assert found.track_id[-1] == 2**62
-        assert np.isfinite(found.predictions.path).all()
-        np.testing.assert_array_equal(found.predictions.path, expected.predictions.path)

@@ -49,6 +49,14 @@ def test_whole_numbers_stay_and_other_names_get_some():
     assert TrackNumbers().numbers(0.0, names).tolist() == [7, -1, 12, -2, -1]
 
 
+def test_names_that_are_not_used_any_more_are_forgotten():
+    """A stream that goes on for ever names ever more people."""
+    identities = Identities(kept_s=2.0)
+    numbers = numbers_of(identities, [([f"anna{k // 30}"], [(0.0, 0.0)]) for k in range(90)])
+    assert numbers[-1] == [-3]
+    assert identities.names == {-3: "anna2"}
+
+
 @pytest.mark.parametrize("mode", ["auto", "given"])
 def test_ids_that_stay_are_the_numbers(mode):
     messages, orders = crossing()
@@ -57,16 +65,14 @@ def test_ids_that_stay_are_the_numbers(mode):
 
 
 NO_IDENTITIES = {
-    "empty": lambda k, person: "",
-    "-1": lambda k, person: "-1",
-    "NaN": lambda k, person: "NaN",
+    "none": lambda k, person: "NaN" if person else "-1",
     "shared": lambda k, person: "7",
     "new": lambda k, person: f"{2 * k + person}",
 }
 
 
 @pytest.mark.parametrize("kind", NO_IDENTITIES)
-def test_people_without_identities_are_assigned_in_a_recording(kind):
+def test_people_without_identities_are_assigned(kind):
     """Live from the tenth message on: before, ids that are new could be those of new people."""
     messages, orders = crossing(name=NO_IDENTITIES[kind])
     expected = [[{0: 2, 1: 1}[person] for person in order] for order in orders]
@@ -78,7 +84,7 @@ def test_people_without_identities_are_assigned_in_a_recording(kind):
 
 
 def test_given_ids_must_be_there_and_differ():
-    for ids in (["1", ""], ["1", "1"], ["nan", "2"]):
+    for ids in (["1", ""], ["1", "1"]):
         with refused("id"):
             Identities("given").number(0.0, ids, np.zeros((2, 2)))
     with refused("identities"):
@@ -94,11 +100,16 @@ def test_people_without_an_id_among_others_are_assigned(is_live):
     assert (identities.name(5), identities.unnamed) == ("5", 40)
 
 
-def test_ids_count_again_once_people_have_some():
-    """As of a tracker that names people when it is sure of them."""
-    unnamed, _ = crossing(30, name=lambda k, person: "")
-    messages = [*unnamed, *crossing(60)[0][30:]]
-    assert set(map(frozenset, numbers_of(Identities(), messages)[-10:])) == {frozenset({3, 4})}
+def test_ids_that_come_and_go_name_nobody_else():
+    """Numbers of people who are identified by position are not those of ids, which count again later."""
+    messages, orders = crossing(80, lambda k, person: "" if k // 20 % 2 else f"{2 - person}")
+    numbers = numbers_of(Identities(), messages)
+    persons = [set(), set()]
+    for row, order in zip(numbers, orders, strict=True):
+        for number, person in zip(row, order, strict=True):
+            persons[person].add(number)
+    assert not persons[0] & persons[1]
+    assert {*numbers[59]} == {1, 2}
 
 
 def test_a_crowd_that_is_named_anew_keeps_its_new_ids():
@@ -110,16 +121,7 @@ def test_a_crowd_that_is_named_anew_keeps_its_new_ids():
     assert numbers_of(Identities(), messages)[-1] == [n + 1000 for n in range(50)]
 
 
-def test_names_that_are_not_used_any_more_are_forgotten():
-    """A stream that goes on for ever names ever more people."""
-    identities = Identities(kept_s=2.0)
-    numbers = numbers_of(identities, [([f"anna{k // 30}"], [(0.0, 0.0)]) for k in range(90)])
-    assert numbers[-1] == [-3]
-    assert identities.names == {-3: "anna2"}
-
-
 def test_few_messages_do_not_show_that_ids_change():
-    assert are_identities([])
     assert are_identities([["1"], ["2"]])
     assert are_identities([["1", "2"]] * 9 + [[""]])
     assert not are_identities([[""], [], []])

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.errors import PedpredError, ValueRuleError
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.online.frame import Frame
 from pedpred.online.people import People
 from pedpred.online.registration import contradicted, register_detections
 from pedpred.tracking import KalmanBank, KalmanSettings
+from tests.refused import refused
 
 
 def walked(robot, times, track=1):
@@ -44,9 +44,11 @@ def test_a_bad_frame_is_refused_and_changes_nothing(robots):
     for predictor in robots:
         predictor.update(1.0, [1], [[0.0, 0.0]])
     for frame, field in BAD:
-        with pytest.raises(PedpredError) as error:
+        with refused(field):
             robots[0].update(*frame)
-        assert error.value.field == field
+    for correction, field in (((np.nan, [0, 0]), "turn_rad"), ((0.0, [np.inf, 0]), "shift")):
+        with refused(field):
+            robots[0].correct(*correction)
     a, b = (predictor.update(1.3, [1], [[0.4, 0.0]]) for predictor in robots)
     np.testing.assert_array_equal(a.position, b.position)
 
@@ -58,11 +60,37 @@ def test_a_frame_that_fails_half_way_is_not_consumed(robots, monkeypatch):
         patch.setattr(robots[0]._steps, "inputs", lambda *_: (_ for _ in ()).throw(MemoryError))
         with pytest.raises(MemoryError):
             robots[0].update(1.5, [1, 2], [[1.5, 0.0], [3.0, 0.0]])
-    with pytest.raises(ValueRuleError):
+    with refused("occupancy"):
         robots[0].set_map(None)
     a, b = (walked(predictor, (1.5, 1.8)) for predictor in robots)
     np.testing.assert_array_equal(a.track_id, b.track_id)
     np.testing.assert_array_equal(a.position, b.position)
+
+
+def test_who_cannot_be_forecast_is_left_out_and_named(robots, monkeypatch, caplog):
+    """A network that gives no numbers for one person costs that person alone a forecast, and its memory."""
+    robot, other = robots
+    session = robot.network._session
+
+    class Broken:
+        def run(self, names, values):
+            found = [tensor.copy() for tensor in session.run(names, values)]
+            found[0][1] = np.nan
+            return found
+
+    ids = [3, 5, 8]
+    for k in range(5):
+        position = [[0.1 * k, 0.0], [20.0, 0.1 * k], [40.0, 0.0]]
+        with monkeypatch.context() as patch:
+            if k == 4:
+                patch.setattr(robot.network, "_session", Broken())
+            found, expected = (one.update(0.1 * k, ids, position) for one in (robot, other))
+    assert found.track_id.tolist() == [3, 8]
+    assert caplog.records
+    np.testing.assert_allclose(found.predictions.path, expected.predictions.path[[0, 2]], atol=1e-4)
+    again = robot.update(0.5, ids, position)
+    assert again.track_id.tolist() == ids
+    assert np.isfinite(again.predictions.path).all()
 
 
 # Clocks
@@ -109,7 +137,6 @@ def test_arguments_and_answers_are_nobody_elses(robots):
     for _ in range(4):
         forecast = robot.update(now, names, here, here)
         expected = other.update(float(now), [1, 2], here.tolist(), here.tolist())
-        assert isinstance(forecast.time_s, float)
         np.testing.assert_array_equal(forecast.position, expected.position)
         now += 0.2
         here += 0.1
@@ -155,8 +182,6 @@ def test_no_more_people_are_followed_than_the_limit_says(frames, most):
         assert len(found) <= most
         assert {*before} & {*ids} <= {*found} <= {*unlimited.track_id.tolist()}
         assert len({*ids} & {*found}) == min(len(ids), most)
-        if len({*np.concatenate(frames[: k + 1])}) <= most:
-            np.testing.assert_array_equal(forecast.predictions.path, unlimited.predictions.path)
         before = found
 
 
@@ -175,11 +200,10 @@ def test_an_impossible_velocity_spoils_no_forecast_of_others(robots, caplog):
     assert caplog.records
 
 
-@pytest.mark.parametrize("given", [[0.0, 0.0], [-1.0, 0.0], [0.0, 1.2]])
-def test_velocities_that_do_not_fit_positions_cause_one_warning(robots, given, caplog):
+def test_velocities_that_do_not_fit_positions_cause_one_warning(robots, caplog):
     """As those of a tracker that fills in zeros."""
     for k in range(40):
-        robots[0].update(0.1 * k, [7, 8], [[0.12 * k, 0.0], [0.12 * k, 3.0]], [given, [1.2, 0.0]])
+        robots[0].update(0.1 * k, [7, 8], [[0.12 * k, 0.0], [0.12 * k, 3.0]], [[0.0, 0.0], [1.2, 0.0]])
     assert len(caplog.records) == 1
 
 

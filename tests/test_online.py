@@ -12,14 +12,13 @@ import pytest
 import torch
 
 from pedpred.errors import InputError
-from pedpred.models.export import store_half
 from pedpred.online import OnlinePredictor, OnlineSettings, shipped
 from pedpred.online.caution import moving_shares, shorten_paths
 from pedpred.online.network import write_description
 from pedpred.scenes import OccupancyMap, Predictions
 from tests.conftest import ROOT
 from tests.exported import export
-from tests.refused import refused
+from tests.refused import refused, unread
 
 
 def test_the_frame_rate_is_free(model):
@@ -114,17 +113,11 @@ def test_an_altered_model_folder_is_refused(model, tmp_path):
     for field in ("tracker", "memory", "network_sha256", "description_sha256"):
         altered.append({name: value for name, value in about.items() if name != field})
     changes = [("model.json", json.dumps(plain).encode()) for plain in altered]
-    changes += [("network.onnx", whole["network.onnx"][:-7]), ("network.onnx", None)]
-    for changed, raw in changes:
+    for changed, raw in (*changes, ("network.onnx", whole["network.onnx"][:-7])):
         for name in whole:
-            (tmp_path / name).write_bytes(whole[name])
-        if raw is None:
-            (tmp_path / changed).unlink()
-        else:
-            (tmp_path / changed).write_bytes(raw)
-        with pytest.raises(InputError) as error:
+            (tmp_path / name).write_bytes(raw if name == changed else whole[name])
+        with unread(tmp_path / changed):
             OnlinePredictor.load(tmp_path)
-        assert raw is None or error.value.path.name == changed
 
 
 def test_a_description_of_absurd_size_is_refused(model):
@@ -156,38 +149,6 @@ def test_an_export_is_the_same_bytes_each_time_and_names_no_path(model, tmp_path
     assert not [place for place in (ROOT, tmp_path, torch.__path__[0]) if str(place).encode() in raw]
 
 
-@pytest.fixture(params=["model", "mixture"])
-def halved(request, tmp_path):
-    """A model folder, and a copy with weights in half precision."""
-    whole = request.getfixturevalue(request.param)[0]
-    shutil.copytree(whole, tmp_path / "half")
-    store_half(tmp_path / "half" / "network.onnx")
-    write_description(tmp_path / "half", OnlinePredictor.load(whole).description, {})
-    return whole, tmp_path / "half"
-
-
-def test_half_precision_forecasts_the_same_in_half_the_space(halved):
-    """Along a walk, so that errors could build up in the memory."""
-    sizes = [(folder / "network.onnx").stat().st_size for folder in halved]
-    assert sizes[1] < 0.6 * sizes[0]
-    robots = [OnlinePredictor.load(folder) for folder in halved]
-    for k in range(20):
-        now = 0.3 * k
-        full, half = (robot.update(now, [4, 9], [[now, 0.0], [5.0 - now, 1.0]]) for robot in robots)
-    step_m = np.linalg.norm(np.diff(full.position, axis=1), axis=-1).mean()
-    assert 0.0 < np.linalg.norm(full.position - half.position, axis=-1).mean() < 0.01 * step_m
-
-
-def test_who_jumps_far_away_changes_no_forecast_of_others(halved):
-    """Not even by what is shared in a batch, such as a scale of rounding."""
-    robots = [OnlinePredictor.load(halved[1]) for _ in range(2)]
-    for k in range(8):
-        near = [[0.3 * k, 0.0], [4.0 - 0.2 * k, 0.5]]
-        calm = robots[0].update(0.3 * k, [1, 2, 3], [*near, [40.0, 0.0]])
-        wild = robots[1].update(0.3 * k, [1, 2, 3], [*near, [40.0 + 9.0 * (k % 2), 5.0 * k]])
-        np.testing.assert_allclose(wild.predictions.path[:2], calm.predictions.path[:2], atol=1e-5)
-
-
 @pytest.mark.parametrize("page", ["README.md", "docs/index.md", "docs/robot.md"])
 def test_the_example_on_a_page_runs(page, model, monkeypatch):
     """With an untrained network in place of the default one."""
@@ -196,7 +157,6 @@ def test_the_example_on_a_page_runs(page, model, monkeypatch):
     names: dict = {}
     exec(example, names)
     assert names["forecast"].track_id.tolist() == [4, 7]
-    assert names["forecast"].position.shape == (2, 10, 2)
 
 
 def test_newborn_people_walk_if_they_have_clearly_moved(mixture):

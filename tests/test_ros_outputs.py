@@ -29,7 +29,7 @@ def test_outputs_are_emptied_once_people_have_gone():
     assert contents(follower.clear_outputs(10**9, 0.0)).keys() == published.keys()  # the node ends
 
 
-@pytest.mark.parametrize("clock_s", [0, 60, 1000])
+@pytest.mark.parametrize("clock_s", [0, 1000])
 def test_empty_outputs_have_the_stamp_of_now(clock_s):
     """Wherever the clock has jumped since, as in a simulation that begins again; stamps are 3 s behind it."""
     follower = follower_of()
@@ -83,8 +83,8 @@ def test_that_all_have_gone_is_shown_at_once():
 
 
 @pytest.mark.parametrize(("step_s", "least", "most"), [(0.02, 9, 13), (0.099, 50, 50)])
-def test_markers_and_grids_come_no_more_often_than_viewers_need(step_s, least, most):
-    """At 50 Hz, about every tenth of a second; at 10 Hz each time."""
+def test_markers_and_grids_come_at_most_at_12_hz(step_s, least, most):
+    """Viewers need no more: at 50 Hz, about every tenth of a second; at 10 Hz each time."""
     follower = follower_of(occupancy_cell_m=0.5)
     found = [answered(follower, people(5.0 + k * step_s, **{"7": (2.0, 1.0)})).keys() for k in range(50)]
     assert all({"predictions", "predictions/people"} <= topics for topics in found)
@@ -107,32 +107,23 @@ def test_viewers_and_costmaps_take_at_most_half_of_the_time():
     assert shown == ([True] + 3 * [False]) * 5
 
 
-@pytest.mark.parametrize("other", ["", str(2**32 + 1)])
-def test_viewers_keep_the_markers_of_all_people(other):
-    """They keep one marker of each namespace and number, and numbers of markers have 32 bits."""
-    follower = follower_of()
-    for k in range(2):
-        published = answered(follower, people(5.0 + k / 10, **{"1": (0.0, 0.0), other: (3.0, 1.0)}))
-    markers = published[MARKERS]["markers"][1:]
-    assert len({(one["ns"], one["id"]) for one in markers}) == len(markers) > 0
-    assert sum(one["ns"] == "names" for one in markers) == 2
-
-
 # Maps and grids
 
 
 def test_without_a_map_there_are_no_grids(caplog):
     follower = follower_of()
     follower.settings = replace(follower.settings, occupancy_cell_m=0.5)
-    topics = answered(follower, people(1.0, eve=(1.0, 1.0))).keys()
-    assert MARKERS in topics
-    assert not any(topic.startswith("predicted_occupancy") for topic in topics)
+    assert answered(follower, people(1.0, eve=(1.0, 1.0))).keys() == {
+        "predictions",
+        "predictions/names",
+        "predictions/people",
+        MARKERS,
+    }
     assert caplog.records
 
 
 def test_grids_cover_the_map_in_cells_of_at_least_0_1_m():
-    for cell_m in (0.02, 0.5):
-        follower = follower_of(occupancy_cell_m=cell_m)
-        info = answered(follower, people(1.0, eve=(1.0, 1.0)))["predicted_occupancy/horizon"]["info"]
-        assert info["resolution"] == max(cell_m, 0.1)
-        assert info["width"] * info["resolution"] == pytest.approx(60.0)
+    follower = follower_of(occupancy_cell_m=0.02)
+    info = answered(follower, people(1.0, eve=(1.0, 1.0)))["predicted_occupancy/horizon"]["info"]
+    assert info["resolution"] == 0.1
+    assert info["width"] * info["resolution"] == pytest.approx(60.0)

@@ -27,10 +27,11 @@ UNPUBLISHED = {PEOPLE_TYPE}
 
 @pytest.fixture(scope="module")
 def messages():
-    """Topic -> type and message, as it is on the wire, for two people, one with several modes each."""
+    """Topic -> type and message, as it is on the wire, for three people; markers have numbers of 32 bits."""
     follower = follower_of(occupancy_cell_m=0.5)
-    answered(follower, people(5.0, anna=(0.0, 0.0), **{"7": (2.0, 1.0)}))
-    answers = answered(follower, people(5.1, anna=(0.1, 0.0), **{"7": (2.0, 1.1)}))
+    for k in range(2):
+        here = {"": (0.1 * k, 0.0), "1": (2.0, 1.0 + 0.1 * k), str(2**32 + 1): (4.0, 1.0)}
+        answers = answered(follower, people(5.0 + k / 10, **here))
     types = output_types(follower.settings, 10)
     return {
         topic: (types[topic], known_types().deserialize_cdr(serialize(types[topic], content), types[topic]))
@@ -89,6 +90,7 @@ def test_viewers_draw_every_marker(messages):
     first, *markers = array.markers
     assert first.action == constants["DELETEALL"]
     assert len({(one.ns, one.id) for one in markers}) == len(markers) > 0
+    assert sum(one.ns == "names" for one in markers) == 3
     for one in array.markers:
         turn = one.pose.orientation
         assert np.isclose(np.linalg.norm([turn.x, turn.y, turn.z, turn.w]), 1.0)
