@@ -26,42 +26,22 @@ def both(scene: Scene, predictor: OnlinePredictor):
     return slow, Predictions.join(parts).select(np.argsort(row))
 
 
-@pytest.mark.parametrize(("dt_s", "max_age_s"), [(0.4, 0.5), (0.1, 0.5), (0.07, 0.0)])
-def test_all_at_once_is_a_replay(mixture, dt_s, max_age_s):
-    """Gaps, crowds and people who have just appeared included."""
+@pytest.mark.parametrize(
+    ("dt_s", "max_age_s", "gap_s"), [(0.4, 0.5, 0.0), (0.1, 0.5, 2.5), (0.07, 0.0, 0.0), (0.003, 0.5, 0.0)]
+)
+def test_all_at_once_is_a_replay(mixture, dt_s, max_age_s, gap_s):
+    """Lost detections, people who have just appeared, bursts, an id that jumps and a time without anybody."""
     rng = np.random.default_rng(3)
-    scene = walled_scene(rng, dt_s, detections=round(12 / dt_s), tracks=5)
-    seen = rng.random(len(scene.trajectories)) < 0.9
-    scene = dataclasses.replace(scene, trajectories=scene.trajectories.select(seen))
+    scene = walled_scene(rng, dt_s, detections=round(min(12.0, 1500 * dt_s) / dt_s), tracks=5)
+    people = scene.trajectories
+    jumps = (people.track_id == people.track_id[0]) & (people.time_s > 2.5)
+    position = people.position + jumps[:, None] * 50.0
+    seen = rng.random(len(people)) < 0.9
+    seen &= ~((people.time_s > 6.0) & (people.time_s < 6.0 + gap_s))
+    people = dataclasses.replace(people, position=position).select(seen)
     settings = OnlineSettings(max_age_s, detection_noise_m=0.02)
+    scene = dataclasses.replace(scene, trajectories=people)
     slow, fast = both(scene, OnlinePredictor.load(mixture[0], settings))
-    assert len(slow) > 20
-    for name in ("point", "path", "weight", "covariance"):
-        np.testing.assert_allclose(getattr(fast, name), getattr(slow, name), atol=2e-4, err_msg=name)
-
-
-def test_a_gap_without_anybody_is_the_same_in_a_replay(mixture):
-    """After more than 2 s without a detection, regions have nobody to learn from, in both."""
-    rng = np.random.default_rng(4)
-    scene = walled_scene(rng, 0.1, detections=240, tracks=5)
-    time_s = scene.trajectories.time_s
-    there = (time_s < 9) | ((time_s > 11.5) & (time_s < 16)) | (time_s > 20)
-    scene = dataclasses.replace(scene, trajectories=scene.trajectories.select(there))
-    slow, fast = both(scene, OnlinePredictor.load(mixture[0], OnlineSettings(0.5, detection_noise_m=0.02)))
-    assert len(slow) > 20
-    np.testing.assert_allclose(fast.covariance, slow.covariance, atol=2e-4)
-
-
-@pytest.mark.parametrize("dt_s", [0.02, 0.003])
-def test_fast_frames_are_the_same_in_a_replay(mixture, dt_s):
-    """Bursts and ids that jump included."""
-    rng = np.random.default_rng(5)
-    scene = walled_scene(rng, dt_s, detections=round(5 / dt_s), tracks=3)
-    trajectories = scene.trajectories
-    position = trajectories.position + rng.normal(0, 0.03, trajectories.position.shape)
-    position[(trajectories.track_id == trajectories.track_id[0]) & (trajectories.time_s > 2.5)] += 50.0
-    scene = dataclasses.replace(scene, trajectories=dataclasses.replace(trajectories, position=position))
-    slow, fast = both(scene, OnlinePredictor.load(mixture[0], OnlineSettings(0.5, detection_noise_m=0.03)))
-    assert len(slow) > 20
+    assert len(slow) > 10
     for name in ("point", "path", "weight", "covariance"):
         np.testing.assert_allclose(getattr(fast, name), getattr(slow, name), atol=2e-4, err_msg=name)
