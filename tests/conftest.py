@@ -87,18 +87,6 @@ def ros2():
 
 
 @pytest.fixture(scope="session")
-def narrow_lstm():
-    """Skip on processors whose library has no LSTM with bfloat16 products; training asks for `amx_bf16`."""
-    import torch
-
-    try:
-        with torch.inference_mode(), torch.autocast("cpu", torch.bfloat16):
-            torch.nn.LSTM(8, 8)(torch.zeros(1, 1, 8))
-    except RuntimeError as reason:
-        pytest.skip(f"needs a processor with bfloat16 LSTMs: {reason}")
-
-
-@pytest.fixture(scope="session")
 def browser():
     """A headless Chromium of this machine."""
     from playwright.sync_api import sync_playwright

@@ -1,17 +1,12 @@
 """Training on a CUDA device learns what training on the CPU does. These tests need such a device."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 import torch
 
 from pedpred.datasets.rows import load_rows
-from pedpred.models.registry import load_network
-from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training import train
 from pedpred.training.distributed import ALONE, DistributedContext, distributed_context
-from pedpred.training.fit import fit
 from tests.exported import lstm, train_on, widths_of
 from tests.trainings import INSTANTS, MIXTURE, SIZES, STEPS, VARIED, WIDTHS, toy_data, write_situations
 
@@ -92,19 +87,6 @@ def test_narrow_products_change_a_loss_by_their_rounding_only(learner):
         losses.append(made.loss(next(made.batches(0)), 0).reported.item())
     assert losses[0] != losses[1]
     assert losses[1] == pytest.approx(losses[0], rel=2e-2)
-
-
-def test_networks_trained_on_cuda_are_read_where_there_is_none(folders, tmp_path):
-    rows = load_rows(folders)
-    start, _, about = fit(MIXTURE, None, rows, INSTANTS, "", CUDA)
-    write_checkpoint(tmp_path / "start", start.state_dict(), about)
-    several = dataclasses.replace(INSTANTS, runs=3)
-    mean, _, about = fit(MIXTURE, tmp_path / "start", rows, several, "", CUDA)
-    write_checkpoint(tmp_path / "mean", mean.state_dict(), about)
-    network = load_network(tmp_path / "mean")
-    for name, weights in mean.state_dict().items():
-        assert network.state_dict()[name].device.type == "cpu"
-        assert torch.equal(network.state_dict()[name], weights.cpu()), name
 
 
 def test_a_device_is_chosen_where_there_is_one():

@@ -61,9 +61,7 @@ def test_an_interrupted_run_continues_where_it_was(tmp_path):
 
 
 def test_drives_that_another_run_adds_meanwhile_stay(tmp_path, monkeypatch):
-    """As of two methods in two windows of a terminal."""
     table, few, usual = tmp_path / "table.csv", ("--episodes", "2", "--risk", "0.1"), driving.run
-    whole = driven(tmp_path / "whole.csv", *few, "--method", "standing", "--method", "kalman")
 
     def run(*given):
         monkeypatch.setattr(driving, "run", usual)
@@ -71,25 +69,31 @@ def test_drives_that_another_run_adds_meanwhile_stay(tmp_path, monkeypatch):
         driven(table, *few, "--method", "standing")
 
     monkeypatch.setattr(driving, "run", run)
-    assert driven(table, *few, "--method", "kalman") == whole
+    driven(table, *few, "--method", "kalman")
+    assert [row.condition.method for row in read_table(table)].count("standing") == 2
 
 
-def test_drives_of_other_settings_or_versions_are_not_added(tmp_path, monkeypatch):
-    options = "--episodes", "1", "--method", "standing"
-    before = driven(tmp_path / "table.csv", *options)
+def test_drives_of_other_settings_networks_or_versions_are_not_(tmp_path, monkeypatch):
+    table, options = tmp_path / "table.csv", ("--episodes", "1", "--method", "standing")
+    before = driven(table, *options)
     with pytest.raises(SystemExit):
-        driven(tmp_path / "table.csv", *options, "--seed", "1")
+        driven(table, *options, "--seed", "1")
+    unnamed = before.replace(b"standing", b"other")
+    table.write_bytes(unnamed)
+    with pytest.raises(SystemExit):
+        driven(table, "--episodes", "2", *options[2:])
+    assert table.read_bytes() == unnamed
+    table.write_bytes(before)
     monkeypatch.setattr(pedpred, "__version__", "0.0.1", raising=False)
     with pytest.raises(SystemExit):
-        driven(tmp_path / "table.csv", *options)
-    assert (tmp_path / "table.csv").read_bytes() == before
+        driven(table, *options)
+    assert table.read_bytes() == before
 
 
-@pytest.mark.parametrize("content", [b"\x89PNG\r\n", b"place,robot\nhere,there\n"])
-def test_another_file_than_a_table_of_drives_stays(content, tmp_path):
+def test_another_file_than_a_table_of_drives_stays(tmp_path):
     table = tmp_path / "table.csv"
-    table.write_bytes(content)
-    with pytest.raises(SystemExit, match=r"table\.csv"):
+    table.write_bytes(content := b"place,robot\nhere,there\n")
+    with pytest.raises(SystemExit):
         driven(table, "--episodes", "1", "--method", "standing")
     assert table.read_bytes() == content
 
@@ -107,19 +111,12 @@ def test_an_episode_is_recorded_with_the_robot(tmp_path):
     [
         ("", ""),
         (CORNER, "--world corridor"),
-        ("--world room", "--map people.mcap"),
         (CORNER, "--people react"),
-        (CORNER, "--episode 3"),
         (CORNER, "--curves curves.svg"),
         (CORNER, "--record x.png --table drives.csv"),
-        (CORNER, "--record x.png --episodes 3"),
-        (CORNER, "--record x.csv"),
         (CORNER, "--record x.mcap --method true_future"),
-        (CORNER, "--record x.mcap --risk 0.1 0.2"),
-        (CORNER, f"--record x.mcap --compare other={MODEL}"),
         (CORNER, "--compare other=nowhere"),
         (CORNER, f"--compare modes={MODEL}"),
-        (CORNER, f"--compare o={MODEL} --compare o={MODEL}"),
         (CORNER, "--speed-mps 5.7"),
     ],
 )
@@ -138,24 +135,6 @@ def test_a_run_that_drives_nothing_leaves_no_table(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_pictures_are_the_same_bytes_each_time(tmp_path):
-    methods = "--method", "kalman", "--method", "true_future", "--risk", "0.05", "0.3"
-    for name in ("one", "two"):
-        driven(tmp_path / "table.csv", "--episodes", "1", *methods, "--curves", str(tmp_path / f"{name}.png"))
-        main(["drive", CORNER, *methods[:-1], "--record", str(tmp_path / f"{name}_episode.png")])
-    for kind in ("", "_episode"):
-        one, two = ((tmp_path / f"{name}{kind}.png").read_bytes() for name in ("one", "two"))
-        assert one == two
-
-
-def test_without_matplotlib_a_picture_is_refused_at_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(driving, "find_spec", lambda name: None)
-    arguments = [str(ROOT / "examples/corner"), "--table", str(tmp_path / "drives.csv"), "--episodes", "1"]
-    with pytest.raises(SystemExit, match=r"pedpred\[pictures\]"):
-        main(["drive", *arguments, "--curves", str(tmp_path / "curves.png")])
-    assert not list(tmp_path.iterdir())
-
-
 def test_another_network_is_compared_by_its_name(tmp_path, capsys):
     """The default model beside itself drives the same; a later run adds it to a table without it."""
     table = tmp_path / "table.csv"
@@ -166,15 +145,6 @@ def test_another_network_is_compared_by_its_name(tmp_path, capsys):
     assert (other.condition.method, other.measures) == ("other", one.measures)
     assert both.startswith(alone)
     assert "other" in capsys.readouterr().out
-
-
-def test_drives_of_a_network_that_is_not_named_are_refused(tmp_path):
-    driven(table := tmp_path / "table.csv", "--episodes", "1", "--method", "standing")
-    lines = table.read_text().replace("standing", "other")
-    table.write_text(lines)
-    with pytest.raises(SystemExit, match="--compare"):
-        driven(table, "--episodes", "2", "--method", "standing")
-    assert table.read_text() == lines
 
 
 def test_worlds_are_driven_in_like_a_scene(tmp_path, capsys):

@@ -72,15 +72,9 @@ def test_a_page_shows_curves_figures_and_episodes(rows, tmp_path):
     assert {one.kind for one in shown} == {"helps", "hinders"}
     figures = read_json(tmp_path / "corridor.json", ValueError)
     section = drives_section({"corridor": (figures, shown)})
-    text, pictures = section.markdown("drives"), list(section.pictures)
-    assert [picture.name for picture in pictures] == [
-        "corridor_curves",
-        *(f"corridor_{one.kind}" for one in shown),
-    ]
-    assert all(png_bytes(picture.figure) for picture in pictures)
-    assert text.count(f"| {LABELS['kalman']} |") == 2
-    assert text.count("| LSTM |") == 2
-    assert drives_section({}).blocks == []
+    assert section.markdown("drives").count(f"| {LABELS['kalman']} |") == 2
+    assert all(png_bytes(picture.figure) for picture in section.pictures)
+    assert len(list(section.pictures)) == 1 + len(shown)
     (recorded,) = (one for one in shown if one.recording)
     (scene, about), people = recorded.drives[1], read_bag(Path(recorded.recording)).trajectories
     assert about["method"] == "modes"
@@ -138,18 +132,11 @@ def test_intervals_of_shares_are_those_of_wilson(cases, data):
     np.testing.assert_allclose(share_interval(happened.astype(float)), expected, atol=1e-6)
 
 
-def test_intervals_of_few_episodes_without_a_collision_are_wide():
-    """Neither the share of a method, nor the difference of two."""
+def test_an_interval_of_few_episodes_without_a_collision_is_wide():
     none = {"modes": [0] * 14, "kalman": [0] * 14}
     times = {limit: {"modes": [t] * 14, "kalman": [t + 0.5] * 14} for limit, t in ((0.1, 8.0), (0.3, 7.0))}
     rows = [row for limit, at in times.items() for row in made_rows(none, at, limit)]
-    figures = figures_of(rows)
-    for limits in figures["methods"].values():
-        for each in limits.values():
-            low, high = each["at_fault_ci95"]
-            assert low == 0.0
-            assert 0.15 < high < 3 / 14 + 0.01
-    low, high = figures["equal_time"]["kalman"]["at_fault_ci95"]
+    low, high = figures_of(rows)["equal_time"]["kalman"]["at_fault_ci95"]
     assert -low == high > 0.15
 
 

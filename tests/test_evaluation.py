@@ -1,14 +1,16 @@
-"""Figures of an evaluation: what is measured, honest intervals, and a real row from raw files."""
+"""Figures of an evaluation: what is measured, windows, honest intervals, memory, and a real row."""
 
+import gc
 import json
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from pedpred.baselines.present_motion import kalman_covariance
 from pedpred.baselines.registry import BASELINES, baseline
+from pedpred.command.prediction import predictor_for
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import (
     EvaluationSettings,
@@ -18,19 +20,24 @@ from pedpred.evaluation import (
     pool_scores,
     score,
     summarise_methods,
+    windows,
 )
-from pedpred.evaluation.summary import TrackBootstrap, summarise_test_set
+from pedpred.evaluation.summary import summarise_test_set
 from pedpred.evaluation.windows import integrate_truth
 from pedpred.features import ForecastProtocol, extract_at_detections
+from pedpred.features.perception import Perception
 from pedpred.metrics import METRICS, Metric
-from pedpred.metrics.calibration import REGIONS, coverage, share_inside
-from pedpred.scenes import Predictions
-from pedpred.tracking import KalmanSettings, follow
+from pedpred.online import OnlinePredictor
+from pedpred.online.assessment import assess
+from pedpred.scenes import Predictions, Scene, Trajectories
+from pedpred.simulation.sensor import SensorSettings
+from pedpred.tracking import KalmanSettings
 from tests.conftest import ROOT
+from tests.exported import TRACKER
 from tests.forecasts import drawn_predictions, metric_scene, request_about
-from tests.model_walks import model_walks
 from tests.refused import refused
-from tests.worlds import tracked, walled_scene
+from tests.simulated import SETTINGS as WALKING
+from tests.worlds import empty_map, jittered, tracked, walled_scene
 
 SETTINGS = EvaluationSettings(bootstrap=10)
 
@@ -89,11 +96,10 @@ def test_several_modes_and_a_new_metric_go_through_the_same_code(monkeypatch):
     )
 
 
-@pytest.mark.parametrize("worst", [np.nan, np.inf])
-def test_a_window_that_cannot_be_measured_is_refused(worst):
+def test_a_window_that_cannot_be_measured_is_refused():
     """A mean over the others alone would let a method gain by what it does not answer."""
     paths = np.zeros((3, 2, 2))
-    paths[2, 1, 1] = worst
+    paths[2, 1, 1] = np.nan
     with pytest.raises(ValueRuleError):
         score(Predictions.single(paths, 0.3), np.ones((3, 2, 2)), np.arange(3), metric_scene(3))
 
@@ -105,7 +111,6 @@ def test_a_window_that_cannot_be_measured_is_refused(worst):
         lambda right: replace(right, dt_s=0.4),
         lambda right: right.select(np.arange(1)),
         lambda right: Predictions.single(right.point[:, :1], 0.3),
-        lambda right: Predictions.single(right.point[:, :5], 0.3),
     ],
 )
 def test_forecasts_of_something_else_are_refused(answer):
@@ -116,9 +121,8 @@ def test_forecasts_of_something_else_are_refused(answer):
         measure(windows, {"theirs": lambda _: answer(right)}, SETTINGS)
 
 
-@pytest.mark.parametrize("shape", [(3, 2), (2,)])
-def test_a_metric_without_a_value_per_window_is_refused(shape):
-    metric = Metric("odd", "m", "lower", lambda predictions, truth, scene: np.zeros(shape))
+def test_a_metric_without_a_value_per_window_is_refused():
+    metric = Metric("odd", "m", "lower", lambda predictions, truth, scene: np.zeros(2))
     truth = np.zeros((3, 2, 2))
     with refused("metrics.odd_m"):
         score(Predictions.single(truth, 0.3), truth, np.arange(3), metric_scene(3), {"odd_m": metric})
@@ -141,46 +145,6 @@ def test_baselines_name_what_they_do_not_know():
         BASELINES["social_force"]()(walled_request())  # without a model of walking
 
 
-# Figures are what they promise
-
-
-def test_regions_hold_their_share_of_what_is_drawn():
-    rng, weight, rows = np.random.default_rng(0), np.array([0.6, 0.3, 0.1]), 6000
-    path, root = rng.normal(size=(rows, 3, 1, 2)), rng.normal(size=(rows, 3, 1, 2, 2))
-    covariance = 0.2 * (root @ np.swapaxes(root, -1, -2) + 0.01 * np.eye(2))
-    forecast = Predictions(path.mean(axis=1), path, np.tile(weight, (rows, 1)), 0.3, covariance)
-    mode = rng.choice(3, rows, p=weight)
-    centre, own = path[np.arange(rows), mode], np.linalg.cholesky(covariance[np.arange(rows), mode])
-    inside = share_inside(forecast, centre + (own @ rng.normal(size=(rows, 1, 2, 1)))[..., 0])
-    for share in REGIONS:
-        assert coverage(inside, share) == pytest.approx(share, abs=0.02)
-
-
-def test_regions_of_the_tracker_hold_in_its_own_model():
-    rng, dt_s, known, ahead = np.random.default_rng(1), 0.4, 6, 5
-    kalman = KalmanSettings(acceleration_noise=0.02, position_noise_m=0.05)
-    walks = model_walks(rng, 0.02, 0.05, np.full((4000, known + ahead), dt_s))
-    tracks = follow(walks.select(walks.time_s < (known + 0.5) * dt_s), "kalman", kalman, 0.2)
-    last = tracks.age == known - 1
-    there = tracks.position[last] + ahead * dt_s * tracks.velocity[last]
-    covariance = kalman_covariance(kalman, dt_s, np.array([ahead * dt_s]))
-    forecast = Predictions.single(there[:, None], dt_s, np.broadcast_to(covariance, (4000, 1, 2, 2)))
-    inside = share_inside(forecast, walks.position[-4000:, None])
-    for share in REGIONS:
-        assert coverage(inside, share) == pytest.approx(share, abs=0.03)
-
-
-def test_intervals_hold_the_truth_about_95_times_in_100():
-    """Tracks of 1 to 8 windows that share most of their error; the true mean is 1. Standard error: 1.1 %."""
-    rng, repetitions, held = np.random.default_rng(0), 400, 0
-    for _ in range(repetitions):
-        track = np.repeat(np.arange(80), rng.integers(1, 9, 80))
-        error_m = rng.gamma(4.0, 0.25, 80)[track] + rng.normal(0.0, 0.1, len(track))
-        low, high = TrackBootstrap.draw(track, 300, rng).interval(error_m)
-        held += low <= 1.0 <= high
-    assert 0.91 <= held / repetitions <= 0.98
-
-
 @pytest.mark.parametrize("place", ["eth", "hotel"])
 def test_reported_constant_velocity_is_that_of_a_few_lines(ewap_folder, place):
     """From the raw annotations: frame, id, x, z, y, ...; frames count at 15 (eth) and 25 (hotel) a second."""
@@ -199,3 +163,76 @@ def test_reported_constant_velocity_is_that_of_a_few_lines(ewap_folder, place):
     assert (reported["windows"], reported["tracks"]) == (len(errors), len(tracks))
     assert reported["ade_m"] == pytest.approx(np.mean(errors), abs=2e-4)
     assert reported["fde_m"] == pytest.approx(np.mean(errors, axis=0)[-1], abs=2e-4)
+
+
+# Windows
+
+KALMAN = Perception(TRACKER, 0.2)
+CAUSAL, NONCAUSAL = ForecastProtocol(), ForecastProtocol(noncausal=True)
+
+
+def walked(dt_s, seconds=30.0, people=4):
+    """People who walk straight and turn back, seen all the time."""
+    time_s = np.arange(0, seconds, dt_s)
+    there = np.stack([3 * np.sin(time_s / 5), 0.3 * time_s], axis=-1)
+    position = np.concatenate([there + np.array([k, 0.5 * k]) for k in range(people)])
+    track = np.repeat(np.arange(people), len(time_s))
+    return Scene("walk", Trajectories(np.tile(time_s, people), track, position), empty_map(), dt_s)
+
+
+def asked(scene, sizes=CAUSAL):
+    return windows.find_windows(scene, KALMAN, sizes, WALKING).request
+
+
+def test_jittered_detections_keep_their_windows(mixture):
+    rare = walked(1 / 2.4)
+    noisy = jittered(rare, 0.02, np.random.default_rng(0), "detection")
+    for scene in (walked(0.3), rare, noisy):
+        request = asked(scene)
+        seconds_of_windows = len(request.rows) * scene.detection_dt_s / 4  # of each person
+        assert seconds_of_windows == pytest.approx(27.0 - 3 * scene.detection_dt_s, abs=scene.detection_dt_s)
+        command = assess(scene, OnlinePredictor.load(mixture[0]), SETTINGS)["network"]
+        assert (len(command.track), command.without_truth) == (len(request.rows), 0)
+    assert len(asked(noisy).rows) == pytest.approx(len(asked(rare).rows), rel=0.01)
+
+
+def test_a_recording_slower_than_truth_allows_is_refused():
+    with pytest.raises(ValueRuleError):
+        asked(walked(0.8))
+    assert len(asked(walked(0.8), ForecastProtocol(truth_gap_s=1.0)).rows) > 50
+
+
+@pytest.mark.parametrize("sizes", [CAUSAL, NONCAUSAL])
+@pytest.mark.parametrize("sensor", [SensorSettings(), SensorSettings(position_noise_m=0.1, switch_share=0.5)])
+def test_an_empty_recording_is_perceived(sizes, sensor):
+    scene = walked(0.4)
+    nobody = replace(scene, trajectories=scene.trajectories.select(np.zeros(len(scene.trajectories), bool)))
+    how = Perception(TRACKER, 0.2, sensor)
+    request = windows.request_about(nobody, how, sizes, nobody.trajectories, memory=True)
+    assert len(request.table) == len(request.steps) == len(request.rows) == 0
+
+
+# Memory
+
+
+def hall(rows):
+    """People at 10 Hz, 20 at a time, on circles beside each other; each for 20 s."""
+    instant, place = np.arange(rows) // 20, np.arange(rows) % 20
+    angle, centre = 0.1 * instant * (0.1 + 0.01 * place) + place, np.stack([place % 5, place // 5], axis=-1)
+    position = 4.0 * centre - 9.0 + 1.5 * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    walker = place + 20 * ((instant + 10 * place) // 200)
+    return Scene("hall", Trajectories(0.1 * instant, walker, position), empty_map(), 0.1)
+
+
+def test_each_detection_takes_little_memory(mixture):
+    """Measured with twice as many; forecasts of all windows at once would take 12 KiB for each."""
+    peaks = {}
+    for rows in (1_000, 4_000, 8_000):
+        scene = hall(rows)
+        robot = predictor_for(scene, mixture[0])
+        gc.collect()
+        tracemalloc.start()
+        assess(scene, robot, SETTINGS, metrics={})
+        peaks[rows] = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert (peaks[8_000] - peaks[4_000]) / 4_000 < 2_000

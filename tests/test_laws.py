@@ -5,9 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pedpred.geometry import rotate
 from pedpred.online import OnlinePredictor
-from pedpred.scenes import OccupancyMap
 from tests.conftest import ROOT
 from tools import law_worlds, laws
 from tools.law_worlds import RATES_HZ
@@ -40,24 +38,20 @@ def test_straight_walkers_go_on(seed, rate_hz):
 def test_straight_walkers_go_on_for_minutes():
     walked = laws.straight_shares(SHIPPED, np.random.default_rng(0), 2.0, seconds=120.0, people=4)
     shares = walked["share"][walked["age_s"] >= 2.5]
-    assert walked["age_s"].max() > 110.0
     assert laws.STRAIGHT[0] <= shares.min() <= shares.max() <= laws.STRAIGHT[1]
 
 
 def test_runners_go_on_as_walkers_do(monkeypatch):
     monkeypatch.setattr(law_worlds, "SPEEDS_MPS", (2.5, 5.0))
     walked = laws.straight_shares(SHIPPED, np.random.default_rng(0), 2.5, seconds=15.0, people=8)
-    assert walked["speed_mps"].max() == pytest.approx(5.0)
     assert laws.STRAIGHT[0] <= walked["share"].min() <= walked["share"].max() <= laws.STRAIGHT[1]
 
 
 @settings(max_examples=10, deadline=None, derandomize=True)
 @given(seed=SEEDS, rate_hz=st.sampled_from(RATES_HZ), noise_m=st.sampled_from([0.0, 0.005, 0.02]))
 def test_people_stand_also_when_they_have_just_appeared(seed, rate_hz, noise_m):
-    rng = np.random.default_rng(seed)
-    newborn, later = laws.standing_errors_m(SHIPPED, rng, rate_hz, noise_m)
-    assert newborn.max() <= laws.STANDING_M
-    assert later.max() <= laws.STANDING_M
+    newborn, later = laws.standing_errors_m(SHIPPED, np.random.default_rng(seed), rate_hz, noise_m)
+    assert max(newborn.max(), later.max()) <= laws.STANDING_M
 
 
 def test_a_gap_is_found(model):
@@ -68,44 +62,6 @@ def test_a_gap_is_found(model):
     assert not (laws.STRAIGHT[0] < shares.min() and shares.max() < laws.STRAIGHT[1])
     newborn, later = laws.standing_errors_m(model[0], np.random.default_rng(0), 2.0, 0.02)
     assert max(newborn.max(), later.max()) > laws.STANDING_M
-
-
-# People who stand
-
-FRAMES, STANDING, WALKING = 6, 3, 2
-
-
-def people(rng):
-    """Some stand exactly still, others walk. [FRAMES, STANDING + WALKING, 2]."""
-    velocity = np.concatenate([np.zeros((STANDING, 2)), rng.normal(0, 0.4, (WALKING, 2))])
-    return rng.normal(0, 2, (STANDING + WALKING, 2)) + np.arange(FRAMES)[:, None, None] * velocity
-
-
-def last_forecast(folder, paths, occupancy):
-    """After frames 0.4 s apart."""
-    robot = OnlinePredictor.load(folder)
-    robot.set_map(occupancy)
-    for k, positions in enumerate(paths):
-        forecast = robot.update(0.4 * k, np.arange(len(positions)), positions)
-    return forecast
-
-
-@settings(max_examples=8, deadline=None)
-@given(seed=st.integers(0, 10_000), quarters=st.integers(1, 3), frames=st.integers(1, FRAMES))
-def test_forecasts_of_standing_people_turn_with_the_world(mixture, seed, quarters, frames):
-    """With neighbours and walls, from the first detection on, at coordinates far from the origin."""
-    rng = np.random.default_rng(seed)
-    paths, blocks = people(rng)[:frames], rng.random((80, 80)) < 0.03
-    one = last_forecast(mixture[0], paths, occupancy=OccupancyMap(blocks, np.full(2, -4.0), 0.1))
-    turn, shift = quarters * np.pi / 2, np.array([4e5, 5e6])
-    turned = rotate(paths, np.full(paths.shape[:2], turn)) + shift
-    occupancy = OccupancyMap(np.rot90(blocks, quarters), np.full(2, -4.0) + shift, 0.1)
-    other = last_forecast(mixture[0], turned, occupancy=occupancy)
-    angle = np.full(one.predictions.path.shape[:-1], turn)
-    np.testing.assert_allclose(other.predictions.path - shift, rotate(one.predictions.path, angle), atol=1e-3)
-    spread = (f.predictions.covariance[:STANDING] for f in (one, other))
-    before, after = spread
-    np.testing.assert_allclose(after, before, atol=1e-4)  # the same in every direction
 
 
 def test_somebody_who_never_moved_is_forecast_to_stand(mixture):

@@ -15,19 +15,17 @@ from pedpred.settings import load
 from pedpred.simulation.arrangements import find_sealed_part
 from pedpred.simulation.clutter import ClutterSettings, draw_cluttered_room
 from pedpred.simulation.ground import ground_of, signed_distance
-from pedpred.simulation.layouts import Layout, draw_targets
+from pedpred.simulation.layouts import Layout
 from pedpred.simulation.routing import routes_to
-from pedpred.simulation.settings import social_force_settings
 from pedpred.simulation.shapes import Door, Polygon, Wall, shape_from
 from stages import simulate
 from tests.configuration import composed
-from tests.simulated import CLUTTER, CONF, DRAWN, SETTINGS, asked, drawn, scene_of, short, with_field
+from tests.simulated import CLUTTER, CONF, DRAWN, SETTINGS, asked, drawn, scene_of
 
-NAN = float("nan")
 CIRCLE = {"center": [5, 4], "radius_m": 1.0}
 RECTANGLE = {"center": [5, 4], "size_m": [3.0, 2.0]}
 WALL = {"start": [2, 4], "end": [8, 4], "thickness_m": 0.3}
-ACROSS, NARROW = WALL | {"start": [0, 4], "end": [10, 4]}, {"at_m": 5, "width_m": 0.9}
+ACROSS = WALL | {"start": [0, 4], "end": [10, 4]}
 PILLAR, FLOOR = {"circle": CIRCLE}, {"rectangle": RECTANGLE}
 CORNER = {"circle": {"center": [1, 1], "radius_m": 0.7}}
 WIDE = {"at_m": 2.0, "width_m": 1.6}
@@ -94,13 +92,6 @@ def test_shipped_layouts_are_closed_and_connected(name):
     assert connected_parts(signed_distance(occupied, 0.1), SETTINGS.crowd.clearance_m) == 1
 
 
-def test_corridor_targets_lie_at_its_two_ends():
-    layout = drawn("corridor")
-    pool = draw_targets(layout, ground_of(layout.occupancy()), SETTINGS.crowd, np.random.default_rng(0))
-    assert set(pool.region) == {0, 1}
-    assert np.abs(pool.position[:, 0] - 10.0).min() > 7.5
-
-
 def test_generated_rooms_are_connected_and_differ():
     how = load(ClutterSettings, CLUTTER)
     maps = [draw_cluttered_room(how, np.random.default_rng(seed)).occupancy() for seed in range(4)]
@@ -146,22 +137,14 @@ def refused(plain, **scene):
     ("plain", "field"),
     [
         (den({"circle": CIRCLE | {"radius_m": -1.0}}), "shapes[0].circle.radius_m"),
-        (den({"circle": CIRCLE | {"center": [NAN, 4]}}), "shapes[0].circle.center"),
-        (den({"circle": {"center": [1, 1]}}), "shapes[0].circle.radius_m"),
-        (den({"rectangle": RECTANGLE | {"size_m": [3, 0]}}), "shapes[0].rectangle.size_m"),
         (den(FLOOR, {"wall": WALL | {"thickness_m": 0}}), "shapes[1].wall.thickness_m"),
         (den({"wall": WALL | {"end": [2, 4]}}), "shapes[0].wall.end"),
-        (den({"polygon": {"corners": [[1, 1], [2, 2]]}}), "shapes[0].polygon.corners"),
         (den({"polygon": {"corners": BOW_TIE}}), "shapes[0].polygon.corners"),
         (den({"hexagon": {}}), "shapes[0]"),
         (den({"circle": CIRCLE | {"center": [15, 4]}}), "shapes[0].circle"),
-        (den(size_m=[10, -8]), "size_m"),
-        (den(size_m=[10, 800]), "size_m"),
         (den({"circle": CIRCLE | {"radius_m": 50}}), "shapes"),
-        (den(size_m=[1, 1]), "size_m"),
         (den(PILLAR, *CLOSET), "shapes[1].wall"),
         (den({"wall": ACROSS}), "shapes[0].wall"),
-        (den({"wall": ACROSS | {"doors": [NARROW]}}), "shapes[0].wall"),
         (den(*CLOSET, target_regions=[PILLAR, CORNER]), "target_regions[1].circle"),
         (den(PILLAR, target_regions=[FLOOR, PILLAR]), "target_regions[1].circle"),
         (den(target_regions=[PILLAR]), "target_regions"),
@@ -177,7 +160,6 @@ def test_a_room_nobody_can_walk_in_is_refused_by_field(plain, field):
     ("scene", "field"),
     [
         ({"drawn": ["attic"]}, "drawn"),
-        ({"drawn": ["columns", "columns"]}, "drawn"),
         ({"drawn": []}, "drawn"),
         ({"drawn": [], "generated": 2, "pedestrians": 900}, "pedestrians"),
     ],
@@ -196,10 +178,3 @@ def test_what_is_admitted_is_reached_by_routes(width_m):
     area_m2, _ = find_sealed_part(ground, SETTINGS.routing)
     assert (area_m2 == 0.0) == reached[tuple(start)]
     assert area_m2 == 0.0 or area_m2 == pytest.approx(3.85 * 6.0, rel=0.15)  # but for corners
-
-
-def test_as_many_people_as_find_room_start():
-    most = int(str(refused(den(), drawn=["columns"], pedestrians=900)).split("only ")[1].split()[0])
-    at_once = social_force_settings(with_field("clock.warm_up_s", 0.0))
-    scene = scene_of(short(0.3, pedestrians=most, seed=1)[0], at_once)
-    assert len(np.unique(scene.trajectories.track_id)) == most

@@ -13,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pedpred.datasets.rows import load_rows
-from pedpred.datasets.splits import SplitSettings, split_sequences
 from pedpred.errors import NO_ROOM
 from pedpred.features import extract_blocks
 from pedpred.rows.files import (
@@ -126,6 +125,7 @@ def test_a_data_set_is_its_shards_in_a_row(stored):
     np.testing.assert_array_equal(data.spans.rows[:, 0], starts)
     np.testing.assert_array_equal(data.spans.rows[:, 1], [*starts[1:], len(data.future)])
     np.testing.assert_array_equal(data.spans.track, whole["track_id"][starts])
+    assert set(data.spans.scene) == {0, 1, 2}  # variants are of their scene
 
 
 def test_loading_takes_as_much_memory_for_more_shards(stored, tmp_path):
@@ -145,18 +145,3 @@ def test_loading_takes_as_much_memory_for_more_shards(stored, tmp_path):
 
     (little, _), (much, rows_take) = peak(2), peak(20)
     assert much < little + 0.2 * rows_take
-
-
-@pytest.mark.parametrize("by", ["scene", "track"])
-def test_variants_of_a_scene_stay_on_one_side_of_a_split(stored, by):
-    data = load_rows({"a": stored})
-    for seed in range(5):
-        halves = split_sequences(
-            data, SplitSettings(validation_by=by, validation_share=0.3), np.random.default_rng(seed)
-        )
-        owner = dict(zip(data.spans.rows[:, 0].tolist(), getattr(data.spans, by).tolist(), strict=True))
-        training, validation = ({owner[first] for first in half[:, 0].tolist()} for half in halves)
-        assert training.isdisjoint(validation)
-        assert min(len(training), len(validation)) > 0
-        assert training | validation == set(owner.values())
-    assert set(data.spans.scene) == {0, 1, 2}  # not six

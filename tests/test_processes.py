@@ -69,28 +69,10 @@ def test_lanes_are_divided_evenly_or_refused():
         DistributedContext(ALONE.device, size=3).share(64)
 
 
-def test_unknown_or_missing_devices_are_refused():
-    with refused("device"), distributed_context("tpu", False):
-        pass
-    with refused("autocast"), distributed_context("cpu", "fast"):
-        pass
-    if not torch.cuda.is_available():
-        with refused("device"), distributed_context("cuda", False):
+def test_a_device_that_is_not_there_is_refused():
+    for device in ["tpu", *([] if torch.cuda.is_available() else ["cuda"])]:
+        with refused("device"), distributed_context(device, False):
             pass
-        with distributed_context("auto", False) as here:
-            assert here == ALONE
-
-
-def test_bfloat16_products_change_a_loss_by_rounding_only(narrow_lstm):
-    rng = np.random.default_rng(0)
-    network, data = SMALL.build(WIDTHS, 4), toy_data(rng)
-    losses = []
-    for narrow in (False, True):
-        here = DistributedContext(ALONE.device, narrow)
-        learner = train_on(network, data, data.spans.rows, data.spans.rows, VARIED, here)
-        losses.append(learner.loss(next(learner.batches(0)), 0).reported.item())
-    assert losses[0] != losses[1]
-    assert losses[1] == pytest.approx(losses[0], rel=2e-2)
 
 
 def test_a_training_step_stays_on_its_device():

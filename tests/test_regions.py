@@ -14,7 +14,6 @@ from pedpred.scenes import Predictions
 from tests.learners import at_instant, learned, place_of
 
 STEPS, DT_S, EVERY_S = 10, 0.3, 0.3
-STAND, WALK = 0, 1
 SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -43,7 +42,7 @@ def shares_inside(predictions, here, people, frames):
     return np.array([coverage(inside, share) for share in REGIONS])
 
 
-@pytest.mark.parametrize("deviation", [0.4, 1.0, 2.0])
+@pytest.mark.parametrize("deviation", [0.4, 2.0])
 def test_regions_become_right_whatever_they_were(deviation):
     time_s, track_id, here, right = walks(np.random.default_rng(0))
     given_ = scaled(right, deviation)
@@ -53,16 +52,6 @@ def test_regions_become_right_whatever_they_were(deviation):
     np.testing.assert_array_equal(after.path, given_.path)
     np.testing.assert_array_equal(after.weight, given_.weight)
     np.testing.assert_array_equal(after.point, given_.point)
-
-
-@pytest.mark.parametrize("deviations", [(0.5, 2.0), (2.0, 0.5)])
-def test_regions_follow_a_change(deviations):
-    time_s, track_id, here, right = walks(np.random.default_rng(1), frames=300)
-    before, after = (scaled(right, deviation) for deviation in deviations)
-    rows = np.arange(len(here))
-    given_ = Predictions.join([before.select(rows[:3000]), after.select(rows[3000:])])
-    found = shares_inside(learned(given_, track_id, time_s, here, rows >= 0), here, 20, 300)
-    np.testing.assert_allclose(found, np.array(REGIONS)[:, None] * np.ones(STEPS), atol=0.1)
 
 
 @settings(max_examples=5, deadline=None)
@@ -77,30 +66,6 @@ def test_nothing_is_learned_from_the_future(seed, cut):
         predictions.select(np.arange(cut * 20)), track_id[first], time_s[first], here[first], known[first]
     )
     np.testing.assert_array_equal(part.covariance, whole.covariance[first])
-
-
-def stepped(regions, predictions, track_id, time_s, here, frames):
-    """The place after some frames."""
-    place = place_of(regions)
-    for time in np.unique(time_s)[frames]:
-        rows = np.flatnonzero(time_s == time)
-        own = predictions.select(rows)
-        place, _ = at_instant(place, time, track_id[rows], here[rows], rows >= 0, own)
-    return place
-
-
-def test_people_who_leave_teach_nothing_in_the_end():
-    """Everybody leaves after 2.7 s: what the first steps taught is taken back when the last one is over."""
-    time_s, track_id, here, right = walks(np.random.default_rng(9), frames=24, people=5)
-    stays = time_s < 2.8
-    given_ = scaled(right, 0.5)
-    place = stepped(Regions.initial(STEPS), given_, track_id, time_s, here, slice(10))
-    assert (place.regions.learned[0, STAND, :2] > 0.02).all()
-    nobody = np.flatnonzero(~stays)[:0]
-    for time in np.unique(time_s[~stays]):
-        own = given_.select(nobody)
-        place, _ = at_instant(place, time, track_id[nobody], here[nobody], nobody >= 0, own)
-    np.testing.assert_allclose(place.regions.learned, 0.0, atol=1e-12)
 
 
 def test_what_is_kept_does_not_grow():
@@ -126,23 +91,6 @@ def noisy(seed, every_s, noise_m, frames, people=20):
     covariance = np.broadcast_to(noise_m**2 * np.eye(2), (len(here), 1, STEPS, 2, 2))
     right = Predictions(point, point[:, None], np.ones((len(here), 1)), DT_S, covariance.copy())
     return time_s, track_id, here + rng.normal(0, noise_m, here.shape), truth, right
-
-
-def shares_of_truth(predictions, truth):
-    """Shares of the regions at the first step that hold the truth, over the second half. [region]."""
-    rows = np.arange(len(truth) // 2, len(truth))
-    inside = share_inside(predictions.select(rows), truth[rows])
-    return np.array([coverage(inside, share)[0] for share in REGIONS])
-
-
-@pytest.mark.parametrize("every_s", [0.1, 0.25, 0.4])
-def test_declared_noise_is_not_in_the_regions(every_s):
-    time_s, track_id, detected, truth, right = noisy(8, every_s, 0.05, round(240 / every_s))
-    everybody = np.ones(len(truth), bool)
-    after = learned(right, track_id, time_s, detected, everybody, noise_m=0.05)
-    np.testing.assert_allclose(shares_of_truth(after, truth), REGIONS, atol=0.03)
-    without = learned(right, track_id, time_s, detected, everybody)
-    assert (shares_of_truth(without, truth) > shares_of_truth(after, truth)).all()
 
 
 def test_regions_hold_standing_people_where_noise_is_declared():

@@ -43,22 +43,17 @@ def assert_a_replay_agrees(scene, kind, model):
 
 @pytest.mark.parametrize("of", ["model", "mixture"])
 @pytest.mark.parametrize(
-    ("kind", "dt_s"), [("kalman", 0.1), ("kalman", 1 / 2.4), ("kalman", 0.7), ("truth", 0.3)]
+    ("kind", "dt_s", "off_s"),
+    [("kalman", 0.1, 0.02), ("kalman", 1 / 2.4, 0.0), ("kalman", 0.7, 0.0), ("truth", 0.3, 0.0)],
 )
-def test_a_replay_gives_the_offline_forecasts(request, of, kind, dt_s):
-    """At every detection, on the clock of the network or between its steps, often or rarely."""
+def test_a_replay_gives_the_offline_forecasts(request, of, kind, dt_s, off_s):
+    """At every detection, on the clock of the network or between its steps, often, rarely or irregularly."""
     scene = walled_scene(np.random.default_rng(1), dt_s, kind == "truth", detections=int(10 / dt_s) + 9)
+    scene = jittered(scene, off_s, np.random.default_rng(3), "detection") if off_s else scene
     assert_a_replay_agrees(scene, kind, request.getfixturevalue(of))
 
 
-@pytest.mark.parametrize("of", ["model", "mixture"])
-def test_a_replay_of_irregular_stamps_is_the_offline_forecast(request, of):
-    scene = walled_scene(np.random.default_rng(2), 0.1, detections=40)
-    irregular = jittered(scene, 0.02, np.random.default_rng(3), "detection")
-    assert_a_replay_agrees(irregular, "kalman", request.getfixturevalue(of))
-
-
-@pytest.mark.parametrize("place", [EXCERPT, "eth", "hotel"])
+@pytest.mark.parametrize("place", [EXCERPT, "eth"])
 def test_real_recordings_give_the_offline_forecasts(place, model):
     """Every detection of the first 40 seconds."""
     scene = recorded(place)

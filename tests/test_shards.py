@@ -4,7 +4,6 @@ import json
 import weakref
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -71,20 +70,11 @@ def folder(tmp_path):
 
 
 def test_round_trip_changes_nothing(folder, table):
-    made_with, shards = read_manifest(folder)
-    assert made_with == LSTM_ROWS
-    assert list(shards) == ["walled"]
-    back, written = read_whole(folder, "walled", made_with), step_columns(table)
+    back, written = read_whole(folder, "walled"), step_columns(table)
     assert list(back) == list(columns_of(LSTM_ROWS))
     for name, column in back.items():
         np.testing.assert_array_equal(column, written[name], err_msg=name)
         assert column.dtype == written[name].dtype, name
-    np.testing.assert_array_equal(back["state"], table.velocity)
-
-
-def test_writing_twice_gives_the_same_bytes(folder, tmp_path):
-    write_steps(extract_blocks(*walled(), *SIZES, rows=350, phase_offsets=3), tmp_path / "again", "walled")
-    assert (tmp_path / "again/walled.parquet").read_bytes() == (folder / "walled.parquet").read_bytes()
 
 
 def test_a_row_group_holds_whole_tracks(folder, table):
@@ -97,26 +87,23 @@ def test_a_row_group_holds_whole_tracks(folder, table):
 
 
 def test_at_most_two_blocks_are_in_memory(table, tmp_path):
-    alive, most = [], 0
+    alive, most = [], []
 
-    def count_alive(blocks):
-        nonlocal most
+    def watched(blocks):
         for block in blocks:
             alive.append(weakref.ref(block["occupancy"]))
-            most = max(most, sum(reference() is not None for reference in alive))
+            most.append(sum(reference() is not None for reference in alive))
             yield block
             del block
 
     copies = (step_columns(table.select(np.arange(len(table)))) for _ in range(8))
-    write_shard(count_alive(copies), tmp_path, "long", LSTM_ROWS)
-    assert most <= 2
-    alive, most = [], 0
-    read = count_alive(read_shard(tmp_path, "long", LSTM_ROWS))
-    assert sum(len(block["step"]) for block in read) == 8 * len(table)
-    assert most <= 2
+    write_shard(watched(copies), tmp_path, "long", LSTM_ROWS)
+    rows = sum(len(block["step"]) for block in watched(read_shard(tmp_path, "long", LSTM_ROWS)))
+    assert rows == 8 * len(table)
+    assert max(most) <= 2
 
 
-@pytest.mark.parametrize("count", [0, 1, 30])
+@pytest.mark.parametrize("count", [0, 30])
 def test_instants_survive_the_disk_exactly(tmp_path, count):
     rng = np.random.default_rng(0)
     rows = {
@@ -126,14 +113,13 @@ def test_instants_survive_the_disk_exactly(tmp_path, count):
     for name in ("corridor_0", "again"):
         write_shard([rows], tmp_path, name, INSTANTS)
     back = read_whole(tmp_path, "corridor_0", INSTANTS)
-    assert list(back) == list(rows)
     for name, values in rows.items():
         np.testing.assert_array_equal(back[name], values)
         assert back[name].dtype == values.dtype
     assert (tmp_path / "corridor_0.parquet").read_bytes() == (tmp_path / "again.parquet").read_bytes()
     write_manifest(tmp_path, INSTANTS, {"corridor_0": "c", "again": "a"})
-    assert read_manifest(tmp_path) == (INSTANTS, {"corridor_0": "c", "again": "a"})
-    assert list(read_manifest(tmp_path)[1]) == ["corridor_0", "again"]  # in the order of their numbers
+    made_with, shards = read_manifest(tmp_path)
+    assert (made_with, list(shards)) == (INSTANTS, ["corridor_0", "again"])  # in the order of their numbers
     assert count_rows_of(tmp_path) == 2 * count
 
 
@@ -149,15 +135,11 @@ def test_a_manifest_names_files_of_its_folder_alone(tmp_path, name):
 def test_damage_is_named(folder):
     path, manifest = folder / "walled.parquet", folder / "manifest.json"
     whole = path.read_bytes()
-    for damaged in (whole[: len(whole) // 2], whole[:5000] + bytes(1000) + whole[6000:]):
-        path.write_bytes(damaged)
-        with unread(path):
-            read_whole(folder, "walled")
+    path.write_bytes(whole[:5000] + bytes(1000) + whole[6000:])
+    with unread(path):
+        read_whole(folder, "walled")
     manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"schema": 99}))
     with unread(manifest, "schema"):
-        read_manifest(folder)
-    manifest.unlink()
-    with unread(manifest):
         read_manifest(folder)
 
 
@@ -167,11 +149,9 @@ def without(columns, name):
 
 WRONG = {
     "missing": lambda c: (without(c, "step"), "column step", SCHEMA),
-    "text": lambda c: (c | {"step": c["step"].astype(str)}, "column step", SCHEMA),
     "float32": lambda c: (c | {"step": c["step"].astype(np.float32)}, "column step", SCHEMA),
     "narrower": lambda c: (c | {"angular_grid": c["angular_grid"][:, 1:]}, "column angular_grid", SCHEMA),
     "old": lambda c: (c, "schema", SCHEMA - 1),
-    "no version": lambda c: (c, "schema", None),
 }
 
 
@@ -194,20 +174,14 @@ def test_a_small_file_that_decodes_to_much_more_is_refused(tmp_path):
         read_columns(tmp_path / "a.parquet", {"crop": (1000,)})
 
 
-def test_the_manifest_has_every_column_and_the_scene(folder):
-    about = json.loads((folder / "manifest.json").read_text())
-    assert set(about["columns"]) == set(pd.read_parquet(folder / "walled.parquet").columns)
-    assert about["protocol"]["dt_s"] == LSTM_ROWS.protocol.dt_s
+def test_the_manifest_knows_the_scene(folder):
+    about = (folder / "manifest.json").read_text()
     (folder / "scene/map.pgm").write_bytes(b"another map")
     write_manifest(folder, LSTM_ROWS, {"walled": scene_digest(folder / "scene")})
-    assert json.loads((folder / "manifest.json").read_text())["shards"] != about["shards"]
+    assert (folder / "manifest.json").read_text() != about
 
 
 def test_embeddings_of_other_rows_are_refused(folder, table):
     write_embeddings([np.zeros((len(table) - 1, 392), np.float16)], folder / "embeddings", "walled")
     with pytest.raises(InputError):
         load_rows({"a": folder}, {"a": folder / "embeddings"})
-    write_embeddings([np.ones((len(table), 392), np.float16)], folder / "embeddings", "walled")
-    data = load_rows({"a": folder}, {"a": folder / "embeddings"})
-    assert len(data.spans) == 3 * len(np.unique(table.track_id))
-    assert set(data.spans.track) == set(table.track_id)

@@ -1,22 +1,21 @@
-"""Training rows: what a network would see of tracked people, and where they truly went."""
+"""Training rows: what a network would see of tracked people, where they truly went, and their stage."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from omegaconf import OmegaConf
 
+from pedpred.rows.files import count_rows_of, read_manifest
 from pedpred.rows.recorded import ViewingSettings, rows_of_viewing
 from pedpred.rows.sampling import RowSampling, RowSettings
-from pedpred.rows.simulated import (
-    SimulatedSet,
-    rows_of_scene,
-    rows_of_world,
-    select_true_states,
-    steps_of_world,
-)
+from pedpred.rows.simulated import SimulatedSet, rows_of_world, steps_of_world
+from pedpred.scenes import Scene
 from pedpred.settings import load
-from pedpred.simulation.worlds import simulate_world
-from pedpred.simulation.worlds.views import Area
+from pedpred.storage.scenes import write_scene
+from stages import rows
+from tests.configuration import composed
 from tests.exported import LSTM_ROWS, MIXTURE_ROWS, widths_of
 from tests.simulated import SENSING, read, short_worlds
 from tests.worlds import walled_scene
@@ -57,14 +56,6 @@ def test_a_set_may_have_true_states_only():
     assert neither["future"].shape == (0, PROTOCOL.horizon_steps, 2)
 
 
-def test_scenes_on_disk_give_rows_as_worlds_do():
-    coarse = select_true_states(
-        simulate_world("room", 1, WORLDS), Area(np.full(2, -1e6), np.full(2, 1e6)), 0.3
-    )
-    rows = rows_of_scene(coarse, replace(CORRIDOR, kind="arrangement"), SENSING, SAMPLING)
-    assert len(rows["future"]) == 90
-
-
 @pytest.mark.parametrize("rate_hz", [0.0, 2.5])
 def test_viewings_differ_and_repeat(rate_hz):
     scene = walled_scene(np.random.default_rng(0), dt_s=0.1, detections=120)
@@ -88,3 +79,45 @@ def test_the_same_world_gives_the_same_steps_on_the_clock(kind):
     passed = np.diff(found["time_s"])[np.diff(found["track_id"]) == 0] / LSTM_ROWS.protocol.dt_s
     assert len(passed) > 30
     np.testing.assert_allclose(passed, np.round(passed), atol=1e-5)
+
+
+# The stage
+
+
+@pytest.fixture
+def usual():
+    """The configuration at the smallest scale, with one simulated set and one place."""
+    cfg = composed("scale=smoke")
+    cfg["situations"]["simulated"] = {"corridor": cfg["situations"]["simulated"]["corridor"]}
+    cfg["places"] = {"eth": cfg["places"]["eth"]}
+    return cfg
+
+
+def run(cfg, kind, out, key):
+    """Run the stage; manifest and bytes of all files of one of its sets."""
+    rows.main.__wrapped__(OmegaConf.create(cfg | {"name": "mixture", "kind": kind, "out": str(out)}))
+    return read_manifest(out / key), {p.name: p.read_bytes() for p in (out / key).iterdir()}
+
+
+def test_the_number_of_workers_changes_no_byte(usual, tmp_path, monkeypatch):
+    found = []
+    for jobs in ("1", "2"):
+        monkeypatch.setenv("PEDPRED_JOBS", jobs)
+        found.append(run(usual, "simulated", tmp_path / jobs, "corridor"))
+    assert found[0] == found[1]
+    _, names = found[0][0]
+    assert list(names) == ["corridor_000", "corridor_001"]
+    assert count_rows_of(tmp_path / "1/corridor") >= 120
+
+
+@pytest.mark.parametrize("kind", ["recorded", "missing", "simulated"])
+def test_a_place_gives_its_viewings_if_there_is_a_recording(kind, usual, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PEDPRED_JOBS", "1")
+    scene = walled_scene(np.random.default_rng(0), detections=60)
+    missing, stand_in = Scene.without_people("eth", "ask for it"), replace(scene, stand_in="drawn by hand")
+    place = {"recorded": scene, "missing": missing, "simulated": stand_in}[kind]
+    write_scene(place, Path("data/scenes/real/eth"))
+    (_, names), files = run(usual, "real", Path("rows"), "eth")
+    assert list(names) == (["eth_0", "eth_1"] if kind == "recorded" else [])
+    assert len(files) == 1 + len(names)

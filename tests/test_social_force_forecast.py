@@ -4,7 +4,6 @@ import numpy as np
 
 from pedpred.baselines.social_force import initial_state
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
-from tests.refused import refused
 from tests.simulated import QUIET, SETTINGS, scene_of, short
 
 HORIZON = 10
@@ -59,11 +58,3 @@ def test_a_goal_inside_an_obstacle_is_approached():
     assert np.isfinite(paths).all()
     assert not scene.occupancy.is_occupied(paths).any()
     assert 0.3 < paths[0, :, 1].min() < 1.5
-
-
-def test_no_rows_give_no_paths_and_an_unknown_track_is_named():
-    scene = pavement(np.ones((2, 2)))
-    none = np.empty((0, 2))
-    assert paths_of(scene, [], [], none, none).shape == (0, 5, 2)
-    with refused("track_id"):
-        paths_of(scene, [77], [0.0], [[1.0, 1.0]], [[0.0, 0.0]])

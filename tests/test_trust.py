@@ -52,17 +52,6 @@ def errors_m(forecasts, truth, rows):
     return np.linalg.norm(forecasts.point - truth, axis=-1)[rows].mean()
 
 
-@settings(max_examples=10, deadline=None)
-@given(SEEDS, st.floats(0.0, 1.0), st.floats(0.0, 0.1))
-def test_weights_are_shares_whatever_happens(seed, wrong_m, noise_m):
-    rng = np.random.default_rng(seed)
-    person, time_s, detection, seen, _, forecasts = stream(rng, 60, 5, wrong_m, noise_m, rng.uniform(0, 1))
-    seen &= rng.random(len(seen)) < 0.9
-    for place, _ in along(Trust.initial(STEPS), person, time_s, detection, seen, forecasts):
-        assert (place.trust.weights >= 0).all()
-        assert (place.trust.weights.sum(axis=-1) <= 1 + 1e-12).all()
-
-
 def test_lines_that_are_always_right_are_approached():
     person, time_s, detection, seen, truth, forecasts = stream(np.random.default_rng(0), 500)
     after = learned(person, time_s, detection, seen, forecasts)
@@ -91,18 +80,6 @@ def test_a_person_changes_no_forecast_of_who_is_there(seed):
     there = (time_s < 20.0) & ~odd
     np.testing.assert_array_equal(changed.point[there], after.point[there])
     assert (changed.point != after.point)[time_s > 24.0].any()
-
-
-@settings(max_examples=5, deadline=None)
-@given(seed=SEEDS)
-def test_others_are_forecast_as_if_somebody_were_not_there(seed):
-    """To the last bit, while those who had left before are the same."""
-    person, time_s, detection, seen, _, forecasts = stream(np.random.default_rng(seed), noise_m=0.02)
-    rows = np.flatnonzero(person != 16)  # who comes at 16 s, when others have left at 8 s
-    after = learned(person, time_s, detection, seen, forecasts)
-    without = learned(person[rows], time_s[rows], detection[rows], seen[rows], forecasts.select(rows))
-    np.testing.assert_array_equal(without.point, after.point[rows])
-    assert (after.point != forecasts.point)[time_s > 18.0].any()
 
 
 @settings(max_examples=5, deadline=None)

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,17 +29,6 @@ def test_a_variant_of_a_variant_is_the_scene(name, seed):
     np.testing.assert_array_equal(twice.trajectories.velocity, scene.trajectories.velocity)
     np.testing.assert_array_equal(twice.occupancy.occupied, scene.occupancy.occupied)
     np.testing.assert_allclose(twice.occupancy.origin, scene.occupancy.origin, atol=1e-9)
-
-
-@pytest.mark.parametrize("name", sorted(VARIANTS))
-def test_people_are_where_they_were_among_the_obstacles(name):
-    scene = walled_scene(np.random.default_rng(3), truth=True)
-    other = VARIANTS[name](scene)
-    points = np.random.default_rng(0).uniform(-8, 8, (2000, 2))
-    side = [-1, 1] if "mirrored" in name else [1, 1]
-    before, after = scene.occupancy.is_occupied(points), other.occupancy.is_occupied(points * side)
-    np.testing.assert_array_equal(after, before)
-    assert before.any()
 
 
 def test_a_mirrored_person_sees_the_mirror_image():

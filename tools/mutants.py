@@ -59,9 +59,9 @@ SCOPE = (
 )
 """Folders and files of pedpred that are changed."""
 TESTS = (
-    *("comparison", "displacement", "evaluation", "evaluation_memory", "features", "learning"),
-    *("matching", "noise", "predictions", "reduction", "regions", "selection", "tracking", "trust"),
-    *("windows", "literature_study", "situations", "rows", "batch"),
+    *("comparison", "displacement", "evaluation", "features", "learning"),
+    *("predictions", "regions", "selection", "tracking", "trust"),
+    *("literature_study", "situations", "rows", "batch"),
 )
 """Modules of tests that hold laws and values of the core, besides tests/by_hand."""
 WORK, REPORT, REASONS = (
