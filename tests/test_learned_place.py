@@ -91,13 +91,9 @@ def test_without_trust_a_robot_takes_regions_and_keeps_trust(mixture, visited, t
         (("regions", "learned", 0, 0, 0), 1.5),
         (("trust", "compared", 0), -1.0),
         (("trust", "products", 0, 0, 0, 1), 1e6),
-<<<<<<< HEAD
-        (("trust", "errors", 0, 0, 0), "much"),
         (("local_errors", "number", 0), 0.5),
         (("local_errors", "square", 0, 0), -1.0),
         (("local_errors", "error", 0, 0), [1.0]),
-=======
->>>>>>> ros
     ],
 )
 def test_a_wrong_file_is_refused_and_nothing_changes(where, value, people, visited, tmp_path):

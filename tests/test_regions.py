@@ -54,6 +54,16 @@ def test_regions_become_right_whatever_they_were(deviation):
     np.testing.assert_array_equal(after.point, given_.point)
 
 
+@pytest.mark.parametrize("deviations", [(0.5, 2.0), (2.0, 0.5)])
+def test_regions_follow_a_change(deviations):
+    time_s, track_id, here, right = walks(np.random.default_rng(1), frames=300)
+    before, after = (scaled(right, deviation) for deviation in deviations)
+    rows = np.arange(len(here))
+    given_ = Predictions.join([before.select(rows[:3000]), after.select(rows[3000:])])
+    found = shares_inside(learned(given_, track_id, time_s, here, rows >= 0), here, 20, 300)
+    np.testing.assert_allclose(found, np.array(REGIONS)[:, None] * np.ones(STEPS), atol=0.1)
+
+
 @settings(max_examples=5, deadline=None)
 @given(seed=SEEDS, cut=st.integers(5, 60))
 def test_nothing_is_learned_from_the_future(seed, cut):

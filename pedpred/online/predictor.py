@@ -212,7 +212,7 @@ class OnlinePredictor:
 
         Raises:
             ValueRuleError: something is not a number, out of range, or an id appears twice.
-            After any error everything is as it was before the call.
+                After any error everything is as it was before the call.
         """
         frame = Frame.checked(time_s, track_id, position, velocity)
         clock, arrival = self._clock.accept(frame.time_s, len(self._people))
