@@ -11,7 +11,7 @@ import pytest
 
 from pedpred.command import main
 from pedpred.command.recordings import OpenOptions, open_recording, open_scene, read_ground_at
-from pedpred.errors import InputError, ValueRuleError
+from pedpred.errors import ValueRuleError
 from pedpred.online import OnlinePredictor, OnlineSettings
 from pedpred.reading import FORMATS
 from pedpred.reading.options import ReadOptions
@@ -75,14 +75,6 @@ def test_an_option_that_a_kind_does_not_use_is_refused(kind, recordings):
         assert {**vars(options), **vars(options.file)}[error.value.field] == error.value.value
 
 
-@pytest.mark.parametrize(
-    "other", [{"map": CORNER}, {"map_topic": "/map"}, {"open_ends": (((0.0, 0.0), (1.0, 0.0)),)}]
-)
-def test_no_map_excludes_options_about_maps(other):
-    with pytest.raises(ValueRuleError):
-        OpenOptions(no_map=True, **other)
-
-
 def test_people_are_on_the_map_beside_them_or_another(recordings, scene, tmp_path):
     """A folder and a bag have maps of their own."""
     own = read_scene(scene).occupancy
@@ -129,18 +121,12 @@ def test_fields_and_identities_are_those_of_a_bag(scene, tmp_path):
         OpenOptions(identities="guessed")
 
 
-def test_a_folder_of_other_files_is_refused(tmp_path):
-    (tmp_path / "walk.csv").touch()
-    with pytest.raises(InputError, match="--one-person-per-file"):
-        open_scene(tmp_path)
-
-
-# Commands
-
-
 def test_a_scene_is_converted_to_a_folder_as_it_is(scene, tmp_path):
     main(["convert", str(scene), "-o", str(tmp_path / "again")])
     assert_same(read_scene(scene), read_scene(tmp_path / "again"))
+
+
+# Commands
 
 
 def test_a_converted_recording_has_the_same_people_and_map(scene, tmp_path):

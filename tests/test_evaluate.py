@@ -159,21 +159,15 @@ def test_alone_means_each_person_by_itself(hall, mixture):
         np.testing.assert_allclose(together.error_m[together.track == track], own.error_m, atol=1e-6)
 
 
-# Output
-
-
-def test_one_track_has_no_interval(walk, measured, capsys):
-    measured(walk)
-    _, titles, line, *_ = capsys.readouterr().out.splitlines()
-    assert line[titles.index("95 % interval") :][: len("95 % interval")].split() == ["-"]
-
-
 @pytest.mark.parametrize(("tracks", "warned"), [(2, True), (10, False)])
 def test_intervals_over_few_tracks_are_warned_about(tracks, warned, tmp_path, measured, caplog):
     """Of two tracks, a bootstrap interval reaches from one mean to the other: every second one misses."""
     rows = [(0.4 * k, who, 0.4 * k, 3.0 * who) for k in range(14) for who in range(tracks)]
     measured(table_of_people(tmp_path / "few.csv", rows))
     assert (f"{tracks} tracks" in caplog.text) is warned
+
+
+# Output
 
 
 # Forecasts of other programs
@@ -272,13 +266,6 @@ def test_a_file_named_like_a_method_gets_a_name_of_its_own(walk, measured, their
     name = f"network ({own[1]})"
     assert list(found) == ["cv", "ca", "kalman_cv", "network", name]
     assert found == {name if key == "mine" else key: value for key, value in other.items()}
-
-
-def test_two_files_of_one_name_are_both_measured(walk, measured, theirs):
-    right, left = (theirs(straight_lines(y=y), f"{name}/them.csv") for name, y in (("right", 0), ("left", 1)))
-    found = measured(walk, *right, *left)["walk"]
-    errors = [found[f"them ({path})"]["ade_m"] for _, path in (right, left)]
-    assert errors == pytest.approx([0.0, 1.0], abs=1e-5)
 
 
 def test_forecasts_of_the_command_have_the_names_of_the_file(tmp_path, measured):

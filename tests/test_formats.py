@@ -7,10 +7,8 @@ import numpy as np
 import pedpy
 import pytest
 
-from pedpred.command import main
-from pedpred.reading import FORMATS, format_of, read_recording
+from pedpred.reading import format_of, read_recording
 from pedpred.reading.options import ReadOptions
-from pedpred.storage.scenes import read_scene
 from tests.field_formats import (
     BINARY,
     OPTIONS,
@@ -27,7 +25,6 @@ from tests.field_formats import (
     write_drone,
     write_jupedsim,
     write_kitti,
-    write_magni,
     write_qtm,
     write_schema,
     write_stanford,
@@ -62,10 +59,6 @@ def test_a_format_is_recognised_by_its_content(tmp_path, name):
         assert format_of(other, ReadOptions()) is format_of(path, ReadOptions())
 
 
-def test_every_format_is_written_here():
-    assert {reader.NAME for reader in FORMATS} <= set(WRITERS)
-
-
 @pytest.mark.parametrize("name", [name for name in WRITERS if "Archive" not in name])  # another process
 def test_every_format_bounds_what_it_reads(tmp_path, monkeypatch, name):
     path = WRITERS[name](tmp_path)
@@ -88,30 +81,22 @@ def test_columns_that_a_file_names_are_not_named_again(tmp_path, name):
     ("write", "old", "new", "line"),
     [
         (write_sumo, "<fcd-export>", '<!DOCTYPE a [<!ENTITY b "c">]><fcd-export>', 3),
-        (write_sumo, "<person", f'<person note="{"x" * 2**21}"', 4),
-        (write_sumo, "<timestep", "<a>" * 50 + "<timestep", 4),
         (write_sumo, 'x="1.2000"', 'x="left"', 4),
-        (write_sumo, "</fcd-export>", "", None),
         (write_stanford, " 0 0 1 ", " 0 1 ", 1),
-        (write_stanford, '"Pedestrian"', '"Biker"', None),
         (write_drone, "0,1,1,0,1.2", "0,1,1,0,far1.2", 2),
         (write_qtm, "1200.000", "near", 12),
-        (write_magni, "1,0.2,", "1,,", None),
         (write_vadere, "1 0.2 0.6", "1 0.9 0.6", 10),
-        (write_viswalk, "COORDCENTX", "LENGTH", None),
         (write_viswalk, "1.2000", "1,2000", 6),
         (write_kitti, "1.200000", "far", 1),
         (write_vsp, " - Num", " and a half - Num", 2),
         (write_trajnet, '"f": 6, "p": 1', '"f": 6.5, "p": 1', None),
-        (write_trajnet, '{"f"', '{"prediction_number": 0, "f"', None),
-        (write_trajnet, '"fps": 5.0', '"fps": 0', None),
     ],
 )
 def test_a_damaged_text_is_refused_by_its_line(tmp_path, write, old, new, line):
     path = write(tmp_path)
     text = path.read_text()
     assert old in text
-    path.write_text(text.replace(old, new) if old == '"Pedestrian"' else text.replace(old, new, 1))
+    path.write_text(text.replace(old, new, 1))
     pixels = write in (write_stanford, write_vsp)
     with unread(path, line):
         people_in(path, ReadOptions(pixel_m=PIXEL_M) if pixels else None)
@@ -121,10 +106,6 @@ def test_a_damaged_text_is_refused_by_its_line(tmp_path, write, old, new, line):
     "statement",
     [
         "DROP TABLE trajectory_data",
-        "ALTER TABLE trajectory_data RENAME pos_x TO x",
-        "UPDATE trajectory_data SET pos_x = 'far' WHERE frame = 2",
-        "UPDATE trajectory_data SET id = 1",
-        "UPDATE metadata SET value = '0' WHERE key = 'fps'",
         "UPDATE metadata SET value = '4' WHERE key = 'version'",
         "DROP TABLE trajectory_data; CREATE VIEW trajectory_data AS SELECT 1 AS frame",
     ],
@@ -159,11 +140,7 @@ def without_ids(path):
         file.create_dataset("trajectory", data=rows).attrs["fps"] = 5.0
 
 
-def cut(path):
-    path.write_bytes(path.read_bytes()[:-500])
-
-
-@pytest.mark.parametrize("change", [linked, without_ids, cut])
+@pytest.mark.parametrize("change", [linked, without_ids])
 def test_an_archive_of_another_form_is_refused(tmp_path, change):
     path = write_archive(tmp_path)
     change(path)
@@ -176,13 +153,10 @@ def test_an_archive_of_another_form_is_refused(tmp_path, change):
     [
         (b"PK\x03\x04", "CSV"),
         (b"#ROSBAG V2.0\n", ".bag"),
-        (b"PAR1\0\0", "Correct"),
         (b"\x80\x04\x95", "pickles are not opened"),
         (b"<geometry unit='m'><rooms/></geometry>", "--map"),
         (b"walk.csv".ljust(257, b"\0") + b"ustar\x0000", "Unpack"),
-        (b"Format Version,1.23,Take Name,walk,Export Frame Rate,120.0\n\n,Type\n", "time,id,x,y"),
         (b"Trajectories\r\n100\r\n,,Ped1:Head,,,Ped2:Head,,\r\nFrame,Sub Frame\r\n", "time,id,x,y"),
-        (b'{"time": 0}\n', "time,id,x,y"),
         (b"", "Name a file with tracks"),
     ],
 )
@@ -236,12 +210,6 @@ def test_the_geometry_inside_a_file_is_the_map(tmp_path, write):
     assert ground.is_occupied(np.array([[-1.0, 4.0], [13.0, 4.0], [6.0, 9.0]])).all()
 
 
-def test_a_geometry_inside_a_file_may_have_an_open_end(tmp_path):
-    out = tmp_path / "open"
-    main(["convert", str(write_jupedsim(tmp_path)), "-o", str(out), "--open-end", "12", "0", "12", "8"])
-    assert not read_scene(out).occupancy.is_occupied(np.array([[12.5, 4.0], [17.5, 4.0]])).any()
-
-
 def test_a_geometry_inside_a_file_is_read_only_for_a_map(tmp_path):
     path = write_jupedsim(tmp_path, wkt=("nonsense",))
     with unread(path):
@@ -290,9 +258,8 @@ def test_the_files_of_a_drone_recording_lie_together(tmp_path):
         people_in(path)
 
 
-@pytest.mark.parametrize("rate_hz", [5.0, 20.0])
-def test_footsteps_are_sampled_and_gaps_stay_gaps(tmp_path, rate_hz):
-    people = people_in(write_vadere(tmp_path), ReadOptions(rate_hz=rate_hz))
+def test_footsteps_are_sampled_and_gaps_stay_gaps(tmp_path):
+    people = people_in(write_vadere(tmp_path), ReadOptions(rate_hz=20.0))
     one = people.select(people.track_id == 1)
     np.testing.assert_allclose(one.position[:, 0], 1.0 + one.time_s, atol=1e-9)
     head = "pedestrianId simTime endTime-PID1 startX-PID1 startY-PID1 endX-PID1 endY-PID1"
@@ -301,11 +268,10 @@ def test_footsteps_are_sampled_and_gaps_stay_gaps(tmp_path, rate_hz):
     np.testing.assert_allclose(people.time_s, np.concatenate([np.arange(9) / 4, 9 + np.arange(5) / 4]))
 
 
-@pytest.mark.parametrize("nowhere", ["NaN", "null"])
-def test_trajnet_may_miss_positions_and_scenes(tmp_path, nowhere, caplog):
+def test_trajnet_may_miss_positions_and_scenes(tmp_path, caplog):
     path = write_trajnet(tmp_path)
     whole = people_in(path)
-    lost = f'{{"track": {{"f": 900, "p": 3, "x": {nowhere}, "y": {nowhere}}}}}'
+    lost = '{"track": {"f": 900, "p": 3, "x": NaN, "y": null}}'
     path.write_text(f"{path.read_text()}{lost}\n")
     np.testing.assert_array_equal(people_in(path).position, whole.position)
     assert [record.levelname for record in caplog.records] == ["WARNING"]

@@ -1,8 +1,6 @@
 """JSON and YAML are parsed within bounds; messages about any value are short."""
 
-import json
 import resource
-import sys
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +11,7 @@ from pedpred.command.prediction import read_tracker
 from pedpred.errors import ConfigError, InputError, PedpredError, ValueRuleError, brief
 from pedpred.files import read_json
 from pedpred.plain import parse_json, parse_yaml
-from pedpred.storage.scenes import read_map, read_scene, write_scene
+from pedpred.storage.scenes import read_map, write_scene
 from tests.trust.examples import TRACKER, place
 
 LONGEST = 2500  # characters of a message
@@ -104,15 +102,6 @@ def test_json_outside_the_standard_is_refused_by_file(text, tmp_path):
     assert len(str(error.value)) < LONGEST
 
 
-@pytest.mark.parametrize("field", ["name", "detection_dt_s", "homography"])
-def test_an_odd_value_of_a_scene_is_read_or_refused_by_file(field, tmp_path):
-    write_scene(place(), tmp_path)
-    about = json.loads((tmp_path / "scene.json").read_text())
-    for value in ([1] * 500_000, "x" * 2_000_000, 10**4000, None, {"a": []}):
-        (tmp_path / "scene.json").write_text(json.dumps(about | {field: value}))
-        check(read_scene, tmp_path, field)
-
-
 # Messages
 
 
@@ -126,8 +115,6 @@ def test_a_short_value_is_shown_as_python_writes_it():
     "value",
     [
         dict.fromkeys(range(10**6)),
-        b"x" * 10**7,
-        10**100_000,
         (("x" * 1000,) * 1000,) * 1000,
     ],
     ids=lambda value: type(value).__name__,
@@ -135,14 +122,3 @@ def test_a_short_value_is_shown_as_python_writes_it():
 @pytest.mark.parametrize("error", [ValueRuleError, ConfigError])
 def test_a_message_is_short_whatever_the_value(value, error):
     assert len(str(error("field", value, "it must be less"))) < 600
-
-
-def test_what_a_message_leaves_out_is_never_looked_at():
-    deep = [0]
-    for _ in range(60):
-        deep = [deep] * 10  # stands for 10^60 numbers
-    assert len(brief(deep)) < 600
-    deep = []
-    for _ in range(2 * sys.getrecursionlimit()):
-        deep = [deep]
-    assert brief(deep).count("[") < 20

@@ -91,17 +91,10 @@ def change_map(folder, old, new):
 
 DAMAGES = {
     "another schema": ("scene.json", lambda f: change_json(f, schema=99), "schema"),
-    "no name": ("scene.json", lambda f: change_json(f, name=None), "name"),
     "a negative interval": ("scene.json", lambda f: change_json(f, detection_dt_s=-1.0), "detection_dt_s"),
-    "a text for a number": ("scene.json", lambda f: change_json(f, detection_dt_s="often"), "detection_dt_s"),
-    "cut JSON": ("scene.json", lambda f: (f / "scene.json").write_text("{"), "scene.json"),
     "no tracks": ("tracks.parquet", lambda f: (f / "tracks.parquet").unlink(), "tracks.parquet"),
-    "missing positions": ("tracks.parquet", lambda f: change_tracks(f, x_m=np.nan), "x_m"),
     "text for ids": ("tracks.parquet", lambda f: change_tracks(f, track_id="a"), "track_id"),
     "a negative cell": ("map", lambda f: change_map(f, "resolution: 0.1", "resolution: -0.1"), "resolution"),
-    "no cell": ("map", lambda f: change_map(f, "resolution", "size"), "resolution"),
-    "a word for colours": ("map", lambda f: change_map(f, "negate: 0", "negate: dark"), "negate"),
-    "a share of 65": ("map", lambda f: change_map(f, "thresh: 0.65", "thresh: 65"), "occupied_thresh"),
     "a cut picture": ("map", lambda f: (f / "map.pgm").write_bytes(b"P5\n9 9\n255\n"), r"map\.pgm"),
 }
 

@@ -74,18 +74,10 @@ def test_reference_picture_becomes_the_camera(folder):
     ("damage", "file", "line"),
     [
         (row("8 2 4.0 0 6.0 9 0"), "obsmat.txt", 4),
-        (row("8 2 4.0 0 six 9 0 9"), "obsmat.txt", 4),
-        (row("8 2.5 4.0 0 6.0 9 0 9"), "obsmat.txt", None),
         (row("4 2 4.0 0 6.1 9 0 9"), "obsmat.txt", 4),
-        (row("8 2 4.0 0 666 9 0 9"), "obsmat.txt", None),
-        (text("obsmat.txt", "\r\n"), "obsmat.txt", None),
-        (text("H.txt", "1 0 -1\n0 2 -2\n"), "H.txt", None),
-        (text("H.txt", "1 0 -1\n0 inf -2\n0 0 1\n"), "H.txt", None),
         (text("H.txt", "1 2 3\n2 4 6\n0 0 1\n"), "H.txt", None),
         (text("H.txt", "1 0 -1\n0 2 -2\n-0.124999999 0 1\n"), "map.png", None),  # walls up to the horizon
         (text("groups.txt", "1 2\n\n2 77\n"), "groups.txt", 3),
-        (text("map.png", "no picture"), "map.png", None),
-        (lambda f: (f / "map.png").unlink(), "map.png", None),
         (picture("reference.png", (10, 8, 3)), "map.png", None),
         (picture("map.png", (3, 3)), "obsmat.txt", None),
     ],
@@ -122,9 +114,7 @@ def test_eth_ucy_frames_become_seconds_on_free_ground(tmp_path):
     assert scene.occupancy.extent_m.tolist() == [8.5, 5]
 
 
-@pytest.mark.parametrize(
-    ("more", "line"), [("10 1 9 9", 4), ("20 1 2.5", 4), ("20.5 1 2 3", 4), ("20 1 1e5 3000", None)]
-)
+@pytest.mark.parametrize(("more", "line"), [("10 1 9 9", 4), ("20 1 2.5", 4)])
 def test_eth_ucy_damage_is_named_by_line(tmp_path, more, line):
     write_street(tmp_path, [*STREET_ROWS, more])
     with unread(tmp_path / "street.txt", line):
