@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pedpred.compiled import cache_folder
+from pedpred.forecasting.local_errors import Means
 from pedpred.online.predictor import OnlinePredictor
 from pedpred.scenes import OccupancyMap, Trajectories, predicted_occupancy
 from pedpred.tracking.matching import cheapest_pairs
@@ -41,6 +42,8 @@ def warm_up(model: Path | str | None = None) -> None:
         forecast = predictor.update(float(now), people.track_id[rows], people.position[rows])
     predicted_occupancy(forecast.predictions, occupancy.free(1.0))
     cheapest_pairs(np.zeros((1, 2)))
+    here, steps = np.zeros((1, 2)), predictor.protocol.horizon_steps  # nobody leaves in these seconds
+    Means.empty(steps).with_errors(here, here, np.zeros((1, steps, 2))).shifts(here, here)
     say_where(begun_s)
 
 
