@@ -138,6 +138,20 @@ def test_errors_wait_until_their_person_has_left():
         assert errors.without_people().means.number.sum() == 2 * compared
 
 
+def test_who_has_left_teaches_while_others_wait():
+    """3 leaves after 6 s, 8 is followed to the end."""
+    person, time_s, _ = stream()
+    more_s = time_s[(person == 9) & (time_s > 6.1)]
+    person, time_s = np.append(person, np.full(len(more_s), 8)), np.append(time_s, more_s)
+    order = np.lexsort((person, time_s))
+    person, time_s = person[order], time_s[order]
+    x_m = np.select([person == 3, person == 8], [0.0, 30.0 + 2.0 * time_s], 200.0)
+    place, _ = places(person, time_s, np.stack([x_m, np.zeros(len(x_m))], axis=1))[-1]
+    assert place.local_errors.means.number.sum() == 11
+    assert (place.local_errors.means.start[:, 0] == 0.0).all()
+    assert np.unique(place.local_errors.waiting.person) == 8
+
+
 def test_error_is_where_somebody_was_minus_the_forecast(taught):
     """Forecast to walk 0.5 m a step, one stays, the other walks 1 m a step."""
     means, step_m = taught.local_errors.means, 0.5 * np.arange(1, STEPS + 1)
@@ -147,6 +161,7 @@ def test_error_is_where_somebody_was_minus_the_forecast(taught):
     for rows, along_m in ((stays, -step_m), (~stays, step_m)):
         np.testing.assert_allclose(means.error[rows, :, 0], [along_m] * rows.sum())
         np.testing.assert_allclose(means.error[rows, :, 1], -0.2)
+    np.testing.assert_allclose(means.way, [[2.0, 0.2]] * len(means.way))
 
 
 def test_who_comes_later_is_shifted_unless_forecast_to_stand(taught):
