@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import linear_sum_assignment
@@ -59,9 +59,9 @@ def test_the_cheapest_pairs_are_those_of_scipy(costs):
 # Learned noise
 
 
-def walkers(noise_m, seconds=24.0, people=6, interval_s=0.4):
+def walkers(noise_m, seconds=24.0, people=6, interval_s=0.4, seed=0):
     """Detections, frame by frame, of people who wander about: times [T], positions [T, N, 2]."""
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     time_s = np.arange(0.0, seconds, interval_s)
     turn = np.cumsum(rng.normal(0, 0.15 * np.sqrt(interval_s), (len(time_s), people)), axis=0)
     angle = turn + rng.uniform(-np.pi, np.pi, people)
@@ -113,3 +113,22 @@ def test_noisy_detections_are_smoothed_more_than_exact_ones(noise_m):
         found = found.reshape(12, -1, 2).swapaxes(0, 1)[1:]
         misses.append(np.linalg.norm(found - velocity, axis=-1)[20:].mean())
     assert misses[1] < 0.95 * misses[0]
+
+
+@settings(max_examples=5, deadline=None)
+@given(st.sampled_from([0.0, 0.03, 0.1]), st.sampled_from([0.04, 0.1, 0.4]), st.integers(0, 99))
+def test_a_robot_tracks_as_a_recording_is_tracked(noise_m, interval_s, seed):
+    time_s, position = walkers(noise_m, 40 * interval_s, 3, interval_s, seed)
+    robot = OnlinePredictor.load()
+    about = robot.description
+    tracks = follow(
+        Trajectories(np.repeat(time_s, 3), np.tile(np.arange(3), len(time_s)), position.reshape(-1, 2)),
+        "kalman",
+        robot.filters,
+        about.standstill_mps,
+    )
+    for k, (now, here) in enumerate(zip(time_s, position, strict=True)):
+        robot.update(float(now), np.arange(3), here)
+        rows = len(time_s) * np.arange(3) + k
+        for name in ("detection", "position", "velocity", "covariance", "heading_rad"):
+            np.testing.assert_array_equal(getattr(robot._people, name), getattr(tracks, name)[rows], name)

@@ -243,3 +243,22 @@ def test_heads_sway_beside_the_way_and_drift():
     still = replace(body.trajectories, velocity=np.zeros((len(body.trajectories), 2)))
     stands = move_to_heads(replace(body, trajectories=still), Sway(amplitude_m=0.05), rng)
     np.testing.assert_allclose(stands.trajectories.position, body.trajectories.position)
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_a_crowd_does_not_dither(share):
+    """Real crowds walk on, however slowly: over 3 s they get ahead by most of the way that they walk."""
+    settings = replace(WORLDS, model=replace(WORLDS.model, dense_collision_free_share=share))
+    ahead, way = [], []
+    for seed in range(8):
+        walked = simulate_world("bottleneck", seed, settings).trajectories
+        for path in tracks(walked):
+            steps = np.diff(path.position[::5], axis=0)
+            if len(steps) >= 6:
+                within = np.lib.stride_tricks.sliding_window_view(steps, 6, axis=0)  # 3 s
+                ahead.append(np.linalg.norm(within.sum(axis=2), axis=1))
+                way.append(np.linalg.norm(within, axis=1).sum(axis=1))
+    ahead, way = np.concatenate(ahead), np.concatenate(way)
+    slow = (way > 0.6) & (way < 1.8)  # 0.2 to 0.6 m/s
+    assert slow.sum() > 1000
+    assert ahead[slow].sum() > 0.7 * way[slow].sum()
