@@ -10,6 +10,7 @@ from pedpred.features import FeatureTable, ForecastProtocol
 from pedpred.forecasting import ForecastRequest, MethodRow
 from pedpred.forecasting.blocks import forecast_blocks, instant_blocks
 from pedpred.forecasting.detections import NO_DETECTIONS, Instant
+from pedpred.forecasting.local_errors import Means
 from pedpred.forecasting.postprocessing import PlaceKnowledge, Postprocessing
 from pedpred.forecasting.regions import Regions
 from pedpred.forecasting.selection import choose_modes
@@ -291,6 +292,19 @@ def test_a_place_is_kept_as_numbers():
     assert not part.trust.place.errors.any()
     assert part.regions.learned.any()
     assert len(alone)
+
+
+def test_local_errors_are_kept_where_both_places_have_them():
+    links = Postprocessing(learning=False, local_errors=True)
+    initial = links.initial(2)
+    one = Means(*(np.ones_like(part) for part in Means.empty(2, rows=1)))
+    one = one._replace(square=2 * one.square)
+    learned = replace(initial, local_errors=replace(initial.local_errors, means=one))
+    kept = links.initial(2).restored(learned.plain())
+    np.testing.assert_array_equal(kept.local_errors.means.error, one.error)
+    unlearned = learned.plain() | {"local_errors": None}
+    assert len(initial.restored(unlearned).local_errors.means.number) == 0
+    assert PlaceKnowledge(None, None).restored(learned.plain()).local_errors is None
 
 
 def test_rows_of_methods_are_checked():
