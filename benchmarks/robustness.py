@@ -48,7 +48,7 @@ from pedpred.online.assessment import assess, forecasts_by_instants
 from pedpred.online.predictor import NO_MAP
 from pedpred.scenes import OccupancyMap, Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings
-from pedpred.tracking import KalmanSettings, tune_kalman
+from pedpred.tracking import KalmanSettings
 from tools.arguments import count, positive
 from tools.places import add_recordings, recordings
 
@@ -127,28 +127,16 @@ def noise(options: argparse.Namespace, alone: bool = False) -> Iterator[Row]:
         row: Row = {"place": scene.name}
         for noise_m in NOISES_M:
             sensor = SensorSettings(rate_hz=rate_hz, position_noise_m=noise_m)
-            network, best = _beside_fitted_filter(scene, sensor, options)
-            row[f"{100 * noise_m:g} cm"] = f"{network:.3f} ({network / best:.2f})"
+            age_s = 1.25 * sensed(scene, sensor).detection_dt_s
+            error = ade_m(scene, options.model, learning(age_s, options.trust), sensor)
+            ratio = error["network"] / min(error["cv"], error["kalman_cv"])
+            row[f"{100 * noise_m:g} cm"] = f"{error['network']:.3f} ({ratio:.2f})"
         yield row
 
 
 def alone(options: argparse.Namespace) -> Iterator[Row]:
     """As `noise`, with each person alone and without obstacles."""
     return noise(options, alone=True)
-
-
-def _beside_fitted_filter(
-    scene: Scene, sensor: SensorSettings, options: argparse.Namespace
-) -> tuple[float, float]:
-    """Error of the network, and of the better of CV and a Kalman filter fitted to these detections, m."""
-    seen = sensed(scene, sensor)
-    age_s = 1.25 * seen.detection_dt_s
-    fitted = tune_kalman(seen.trajectories, max(1, round(3.2 / seen.detection_dt_s)))
-    own, other = (
-        ade_m(scene, options.model, learning(age_s, options.trust, **tracker), sensor)
-        for tracker in ({}, {"tracker": fitted})
-    )
-    return own["network"], min(own["cv"], other["kalman_cv"])
 
 
 # Turns of lone people

@@ -50,7 +50,8 @@ def trials_of_baseline(cfg: DictConfig, name: str) -> Iterator[tuple[str, Path, 
     for at in tested_sets(folds, method.where):
         source = source_of(cfg, at)
         walking = social_force_settings(row(cfg, "social_forces", source.social_force))
-        yield at, Path(name), Trial(name, simple, *perception_of(cfg, source), walking, metric_settings(cfg))
+        seen = perception_of(cfg, source)
+        yield at, Path(name), Trial(name, simple, *seen, walking, metric_settings(cfg), fits=True)
 
 
 def trials_of_network(cfg: DictConfig, name: str, weights: str) -> Iterator[tuple[str, Path, Trial]]:
@@ -68,7 +69,7 @@ def trials_of_network(cfg: DictConfig, name: str, weights: str) -> Iterator[tupl
         grids = network.features if isinstance(network.features, LstmFeatures) else None  # for pictures
         for at in tested_sets(of_weights, where):
             seen = perception_of(cfg, source_of(cfg, at))
-            yield at, Path(name, key), Trial(name, network, *seen, None, settings, memory, grids)
+            yield at, Path(name, key), Trial(name, network, *seen, None, settings, memory, shown=grids)
 
 
 def source_of(cfg: DictConfig, at: str) -> DictConfig:

@@ -11,7 +11,7 @@ import pedpred
 from pedpred import command as package
 from pedpred.command.conversion import check_conversion, convert, info, output_paths
 from pedpred.command.driving import check_drive, drive
-from pedpred.command.evaluation import TUNE, check_evaluation, evaluate
+from pedpred.command.evaluation import check_evaluation, evaluate
 from pedpred.command.field_protocol import PROTOCOL
 from pedpred.command.options import open_options, recording_options
 from pedpred.command.prediction import check_prediction, predict
@@ -164,8 +164,7 @@ def _add_prediction(command: argparse.ArgumentParser) -> None:
 def _add_evaluation(command: argparse.ArgumentParser) -> None:
     _add_network(command)
     add, usual = command.add_argument, EvaluationSettings()
-    tracker = f"{_TRACKER}; or `{TUNE}`: fit it to the recording itself"
-    add("--tracker", type=lambda text: TUNE if text == TUNE else Path(text), help=tracker)
+    add("--tracker", type=Path, help=f"of the network: {_TRACKER}")
     windows = (
         "as the literature on ETH and UCY measures: 8 annotations at 0.4 s are observed, 12 are forecast"
     )

@@ -36,11 +36,7 @@ from pedpred.metrics import METRICS
 from pedpred.metrics.paths import SAME_INSTANT_S
 from pedpred.online.assessment import ALWAYS, assess
 from pedpred.scenes import Placement, Scene, Trajectories, placement
-from pedpred.tracking import KalmanSettings, tune_kalman
 
-TUNE = "tune"
-"""Value of `--tracker`: fit the tracker to the recording itself."""
-_TUNED_AHEAD_S = 3.2
 _PAUSE_S = 10.0  # longer than any person is remembered
 _log = logging.getLogger(__name__)
 
@@ -106,7 +102,8 @@ def _measure(path: Path, arguments: argparse.Namespace, settings: EvaluationSett
     if (transform := arguments.options.transform) is not None:  # the people were moved when they were read
         foreign = {name: forecasts.to_map(transform) for name, forecasts in foreign.items()}
     learns = arguments.trust and not (arguments.alone or arguments.protocol)  # which needs other people
-    predictor = predictor_for(scene, arguments.model, _tracker(arguments, scene), learns=learns)
+    tracker = None if arguments.tracker is None else read_tracker(arguments.tracker)
+    predictor = predictor_for(scene, arguments.model, tracker, learns=learns)
     if arguments.alone:
         shift_s = isolating_shifts(scene.trajectories)
         scene = replace(scene, trajectories=shift_times(scene.trajectories, shift_s))
@@ -134,16 +131,6 @@ def _unique_names(named: Sequence[tuple[str, Path]], taken: Collection[str] = ()
     if len(set(names)) < len(names):
         raise ValueRuleError("name", names, "two inputs have the same: give each once")
     return names
-
-
-def _tracker(arguments: argparse.Namespace, scene: Scene) -> KalmanSettings | None:
-    """The tracker that is asked for; one that is fitted to its recording flatters all methods a little."""
-    if arguments.tracker != TUNE:
-        return None if arguments.tracker is None else read_tracker(arguments.tracker)
-    fitted = tune_kalman(scene.trajectories, max(1, round(_TUNED_AHEAD_S / scene.detection_dt_s)))
-    values = ", ".join(f"{name}: {value:.4f}" for name, value in vars(fitted).items())
-    _log.info("%s: tracker fitted to this recording itself: {%s}", scene.name, values)
-    return fitted
 
 
 def _without_meaning(scene: Scene, arguments: argparse.Namespace) -> set[str]:

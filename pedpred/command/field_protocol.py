@@ -16,7 +16,7 @@ from pedpred.errors import ValueRuleError
 from pedpred.evaluation import MetricSettings, Scores, given, measure
 from pedpred.evaluation.measure import BEST_ADE, BEST_FDE
 from pedpred.evaluation.observed import WindowSettings, find_observed_windows
-from pedpred.features.perception import Perception
+from pedpred.features.perception import Perception, fitted
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.online.assessment import NETWORK
 from pedpred.online.batch import predictions_in_blocks
@@ -46,7 +46,7 @@ def assess_windows(
 
     Args:
         scene: annotations every 0.4 s.
-        predictor: with the model, whose tracker simple methods use, too.
+        predictor: with the model.
         is_named: the user named the model, so that one of another time step or horizon is an error.
         settings: thresholds of the metrics.
         foreign: forecasts of other programs by name; windows without one in each of them are left out.
@@ -61,13 +61,15 @@ def assess_windows(
     about = predictor.description
     how = Perception(predictor.filters, about.standstill_mps)
     windows = find_observed_windows(scene, how, WINDOWS, memory=False)
+    simple = find_observed_windows(scene, fitted(scene, how, WINDOWS.protocol), WINDOWS, memory=False).request
     # Files of forecasts have the ids and times of the recording, windows their own.
     recorded = replace(windows.request.asked, track_id=windows.track, time_s=windows.time_s)
     named = replace(windows.request, table=recorded, rows=np.arange(len(windows)), tracks=None)
     if foreign:
         kept = has_all_forecasts(foreign, named)
         windows, named = windows.select(kept), replace(named, rows=named.rows[kept])
-    methods: dict[str, Forecaster] = {key: make() for key, make in PRESENT_MOTION.items()}
+    simple = replace(simple, rows=windows.request.rows)
+    methods: dict[str, Forecaster] = {key: given(make()(simple)) for key, make in PRESENT_MOTION.items()}
     if _fits(about, is_named):
         methods[NETWORK] = partial(_forecast, predictor)
     methods |= {name: given(forecasts(named)) for name, forecasts in foreign.items()}

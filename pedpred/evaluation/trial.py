@@ -14,7 +14,7 @@ from pedpred.evaluation.measure import given, measure
 from pedpred.evaluation.scores import MetricSettings, write_scores
 from pedpred.evaluation.windows import WindowSet, find_windows
 from pedpred.features import ForecastProtocol
-from pedpred.features.perception import Perception
+from pedpred.features.perception import Perception, fitted
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.scenes import Predictions
@@ -34,6 +34,7 @@ class Trial:
         social_force: the model of walking there, for joint rollouts; None for methods without.
         settings: of the metrics.
         memory: the forecaster reads the steps of a clock, see `find_windows`.
+        fits: the tracker is fitted to each scene itself, see `pedpred.features.perception.fitted`.
         shown: grids that the forecaster reads, for pictures; None: it reads none.
     """
 
@@ -44,6 +45,7 @@ class Trial:
     social_force: SocialForceSettings | None
     settings: MetricSettings
     memory: bool = False
+    fits: bool = False
     shown: LstmFeatures | None = None
 
 
@@ -59,7 +61,8 @@ def evaluate_scene(folder: Path, trial: Trial, forecasts: Path, scores: Path) ->
     scene = read_scene(folder)
     if scene.unavailable is not None:
         return
-    windows = find_windows(scene, trial.how, trial.protocol, trial.social_force, trial.memory)
+    how = fitted(scene, trial.how, trial.protocol) if trial.fits else trial.how
+    windows = find_windows(scene, how, trial.protocol, trial.social_force, trial.memory)
     predictions = trial.forecaster(windows.request)
     measured = measure(windows, {trial.method: given(predictions)}, trial.settings)
     shown = forecast_windows(windows, {trial.method: predictions}, trial.shown)

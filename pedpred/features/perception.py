@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -20,7 +20,10 @@ from pedpred.settings import (
     load,
 )
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
-from pedpred.tracking import KalmanBank, KalmanSettings, Tracks, follow, resampled
+from pedpred.tracking import KalmanBank, KalmanSettings, Tracks, follow, resampled, tune_kalman
+
+_FITTED = 20_000
+"""Trackers are fitted to about this many detections, of people spread evenly over the ids."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,3 +96,27 @@ def perceived(scene: Scene, how: Perception, protocol: ForecastProtocol) -> tupl
         seen, kalman = sensed(scene, how.sensor), how.kalman
     kind = "truth" if kalman is None else "kalman"
     return seen, follow(seen.trajectories, kind, kalman, how.standstill_mps, protocol.lost_after_s)
+
+
+def fitted(scene: Scene, how: Perception, protocol: ForecastProtocol) -> Perception:
+    """How people are perceived with a tracker that is fitted to the detections of this very scene.
+
+    For simple methods that networks are compared with, so that these are as good as they can be: the noise
+    is the most likely one over the forecasts' horizon, whole recording known. True states need no tracker.
+
+    Args:
+        scene: their true paths.
+        how: sensor, and a tracker in whose place the fitted one comes.
+        protocol: its horizon.
+
+    Raises:
+        ValueRuleError: nobody is detected twice.
+    """
+    if how.kalman is None or protocol.noncausal:
+        return how
+    seen = sensed(scene, how.sensor)
+    people = seen.trajectories
+    names = np.unique(people.track_id)
+    some = names[:: -(-len(people) // _FITTED)]
+    ahead = max(1, round(protocol.horizon_steps * protocol.dt_s / seen.detection_dt_s))
+    return replace(how, kalman=tune_kalman(people.select(np.isin(people.track_id, some)), ahead, 0.01))

@@ -11,7 +11,7 @@ from pedpred.baselines.present_motion import PRESENT_MOTION
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation import EvaluationSettings, Scores, find_windows, given, measure
 from pedpred.evaluation.scores import join_scores
-from pedpred.features.perception import Perception, sensed
+from pedpred.features.perception import Perception, fitted, sensed
 from pedpred.forecasting import Forecaster, ForecastRequest
 from pedpred.forecasting.blocks import instant_blocks
 from pedpred.metrics import Metric
@@ -40,11 +40,12 @@ def assess(
     """Measure the network in a scene, beside the baselines that continue the present motion.
 
     The windows are those of the pipeline (`find_windows`); the detections themselves, joined by a spline, are
-    the truth. All methods see the same tracker.
+    the truth. The tracker of the simple methods is fitted to the scene itself, see
+    `pedpred.features.perception.fitted`.
 
     Args:
         scene: detections at any rate, regular or not.
-        predictor: its tracker and window sizes are used for all methods.
+        predictor: its window sizes are used for all methods.
         settings: thresholds of the metrics.
         sensor: between the scene and the tracker; None for a perfect one.
         others: further methods by name, without memory; no name of `ALWAYS`.
@@ -66,12 +67,17 @@ def assess(
     windows = replace(windows, request=replace(windows.request, tracker=None))
     if answered is not None:  # of detections without truth, nobody knows whether they would count
         windows = replace(windows.select(answered(windows.request)), without_truth=0)
-    methods = {key: make() for key, make in PRESENT_MOTION.items()}
+    best = fitted(scene, how, predictor.protocol)
+    simple = find_windows(scene, best, predictor.protocol, memory=False).request
+    simple = replace(simple, rows=windows.request.rows, tracker=None)
+    straight = {key: make()(simple) for key, make in PRESENT_MOTION.items()}
+    del simple
     scores: dict[str, list[Scores]] = {name: [] for name in (*ALWAYS, *(others or {}))}
     order = []
     for which, forecast in forecasts_by_instants(predictor, windows.request, sensed(scene, sensor)):
         block = windows.select(which)  # whole instants, since some metrics compare the people of one
-        forecasters = {**methods, NETWORK: given(forecast), **(others or {})}
+        known = {key: paths.select(which) for key, paths in straight.items()} | {NETWORK: forecast}
+        forecasters = {key: given(paths) for key, paths in known.items()} | dict(others or {})
         for name, part in measure(block, forecasters, settings, metrics).items():
             scores[name].append(_kept(part, metrics is None))
         order.append(which)

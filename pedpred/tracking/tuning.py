@@ -13,6 +13,8 @@ _START = KalmanSettings(acceleration_noise=0.1, position_noise_m=0.1, initial_sp
 
 LEAST = 1e-4
 """Least noise parameters that are fitted: the likelihood of detections without noise has no maximum."""
+_DISTANCES = 8
+"""Detections ahead are compared at no more distances than this, evenly spread."""
 
 
 def log_likelihood(trajectories: Trajectories, settings: KalmanSettings, ahead: int) -> float:
@@ -26,14 +28,14 @@ def log_likelihood(trajectories: Trajectories, settings: KalmanSettings, ahead: 
     Args:
         trajectories: detections.
         settings: noise parameters.
-        ahead: number of detections, counted within a life.
+        ahead: number of detections, counted within a life; of more than 8, eight are taken, evenly spread.
 
     Raises:
         ValueRuleError: nobody is detected twice.
     """
     tracks = follow(trajectories, "kalman", settings, standstill_mps=0.0)
     total, count = 0.0, 0
-    for distance in range(1, ahead + 1):
+    for distance in np.unique(np.linspace(1, ahead, min(ahead, _DISTANCES)).round().astype(int)):
         row = np.arange(len(tracks.life) - distance)
         row = row[tracks.life[row] == tracks.life[row + distance]]
         after = tracks.belief_at(row, tracks.time_s[row + distance], settings.acceleration_noise)
@@ -46,12 +48,13 @@ def log_likelihood(trajectories: Trajectories, settings: KalmanSettings, ahead: 
     return total / count
 
 
-def tune_kalman(trajectories: Trajectories, ahead: int) -> KalmanSettings:
+def tune_kalman(trajectories: Trajectories, ahead: int, tolerance: float = 1e-4) -> KalmanSettings:
     """Fit the noise parameters, each at least `LEAST`, to a recording by maximum likelihood.
 
     Args:
-        trajectories: detections of a *training* place.
+        trajectories: detections.
         ahead: see `log_likelihood`.
+        tolerance: relative one of the parameters.
 
     Raises:
         ValueRuleError: nobody is detected twice.
@@ -61,11 +64,13 @@ def tune_kalman(trajectories: Trajectories, ahead: int) -> KalmanSettings:
     def settings(logarithms: np.ndarray) -> KalmanSettings:
         return KalmanSettings(*np.maximum(np.exp(logarithms), LEAST).tolist())
 
-    start = [_START.acceleration_noise, _START.position_noise_m, _START.initial_speed_mps]
+    start = np.log([_START.acceleration_noise, _START.position_noise_m, _START.initial_speed_mps])
+    simplex = np.vstack([start, start + np.eye(3)])  # a factor of e in each parameter
+    options = {"xatol": tolerance, "fatol": 0.1 * tolerance**2, "initial_simplex": simplex}
     optimum = minimize(
         lambda x: -log_likelihood(trajectories, settings(x), ahead),
-        np.log(start),
+        start,
         method="Nelder-Mead",
-        options={"xatol": 1e-4, "fatol": 1e-9},
+        options=options,
     )
     return settings(optimum.x)

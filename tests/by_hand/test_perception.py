@@ -8,11 +8,12 @@ import pytest
 
 from pedpred.errors import ValueRuleError
 from pedpred.features import ForecastProtocol, Pedestrians
-from pedpred.features.perception import Perception, parse_tracker, perceived, sensed
+from pedpred.features.perception import Perception, fitted, parse_tracker, perceived, sensed
 from pedpred.scenes import Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
-from pedpred.tracking import KalmanSettings, follow, resampled
+from pedpred.tracking import KalmanSettings, follow, resampled, tune_kalman
 from tests.by_hand.lives import PACE, SEEN, TIME_S, TRACK, scene_of
+from tests.model_walks import model_walks
 from tests.worlds import empty_map
 
 
@@ -47,6 +48,7 @@ def test_people_are_tracked_as_they_are_perceived():
     assert seen.detection_dt_s == 0.4
 
 
+SIZES = ForecastProtocol()
 PLAIN = {"kind": "kalman", "acceleration_noise": 0.3, "position_noise_m": 0.1, "initial_speed_mps": 1.4}
 
 
@@ -65,3 +67,31 @@ def test_states_of_people_are_in_double_precision():
     one = np.ones((1, 2), np.float32)
     people = Pedestrians(np.array([3]), one, np.zeros(1, int), one)
     assert [v.dtype for v in (people.position, people.heading_rad, people.velocity)] == [np.float64] * 3
+
+
+def test_a_tracker_is_fitted_to_what_the_sensor_gives():
+    """Over the horizon of 1.2 s, three detections; true states and resampled tracks need no tracker."""
+    rng = np.random.default_rng(1)
+    walks = model_walks(rng, 0.2, 0.01, np.full((40, 30), 0.4))
+    scene, sizes = Scene("hand", walks, empty_map(), 0.4), ForecastProtocol(0.3, 4)
+    how = Perception(KalmanSettings(3.0, 1.0), 0.3, SensorSettings(position_noise_m=0.1))
+    found = fitted(scene, how, sizes)
+    best = tune_kalman(sensed(scene, how.sensor).trajectories, 3)
+    assert found == replace(how, kalman=found.kalman)
+    assert list(vars(found.kalman).values()) == pytest.approx(list(vars(best).values()), rel=0.03)
+    assert found.kalman.position_noise_m == pytest.approx(0.1, rel=0.15)
+    for true, other in ((replace(how, kalman=None), sizes), (how, replace(sizes, noncausal=True))):
+        assert fitted(scene, true, other) is true
+
+
+def test_a_tracker_is_fitted_to_every_so_many_people():
+    """45 000 detections: of the people 0, 3, 6, ..., who alone have noise."""
+    rng = np.random.default_rng(2)
+    noisy, exact = (model_walks(rng, 0.2, noise_m, np.full((300, 50), 0.4)) for noise_m in (0.2, 0.01))
+    people = Trajectories(
+        np.concatenate([noisy.time_s, exact.time_s, exact.time_s]),
+        np.concatenate([3 * noisy.track_id, 3 * exact.track_id + 1, 3 * exact.track_id + 2]),
+        np.concatenate([noisy.position, exact.position, exact.position]),
+    )
+    found = fitted(Scene("hand", people, empty_map(), 0.4), Perception(KalmanSettings(1, 1), 0.3), SIZES)
+    assert found.kalman.position_noise_m == pytest.approx(0.2, rel=0.1)
