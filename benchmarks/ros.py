@@ -119,11 +119,11 @@ def processor_s(process: subprocess.Popen) -> float:
     return sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK")
 
 
-def end(processes: Sequence[subprocess.Popen], limit_s: float = _LIMIT_S) -> None:
+def end(processes: Sequence[subprocess.Popen]) -> None:
     """End processes, and those that have not ended by themselves after some time by force."""
     for process in processes:
         process.terminate()
-    until_s = time.monotonic() + limit_s
+    until_s = time.monotonic() + _LIMIT_S
     for process in processes:
         try:
             process.wait(max(until_s - time.monotonic(), 0.0))

@@ -9,7 +9,7 @@ from pedpred.config import configured, one_of, stage, stage_key
 from pedpred.features.perception import Following
 from pedpred.models.export import export_onnx, store_half
 from pedpred.models.lstm.encoding import load_encoder
-from pedpred.models.registry import describe_network, load_format, load_network
+from pedpred.models.registry import describe_network, load_network
 from pedpred.online.network import ModelDescription, write_description
 from pedpred.settings import load
 from stages.perception import kalman_of
@@ -29,7 +29,7 @@ def main(cfg: DictConfig) -> None:
     with configured("online"):
         how = load(Following, {field.name: cfg.online[field.name] for field in fields(Following)})
     checkpoint = Path(about.weights)
-    network, made_with = load_network(checkpoint), load_format(checkpoint)
+    network, made_with = load_network(checkpoint)
     encoder = None
     if "grid" in network.settings.channels_read:
         encoder = load_encoder(Path("models/autoencoder"))

@@ -14,7 +14,8 @@ import numpy as np
 from omegaconf import DictConfig
 
 from pedpred.config import SETS, configured, one_of, plain, row, stage, stage_key
-from pedpred.evaluation.observed import WindowSettings, find_observed_windows, training_rows
+from pedpred.evaluation.observed import WindowSettings, find_observed_windows
+from pedpred.evaluation.windows import WindowSet
 from pedpred.features import ModelFeatures, extract_blocks
 from pedpred.features.perception import Perception, perceived
 from pedpred.models.features import RowFormat
@@ -193,6 +194,26 @@ def window_instants(
     """Rows of the windows of a recording, in stretches of time of which some are kept for validation."""
     found = find_observed_windows(read_scene(folder), how, windows, memory=False)
     return training_rows(found, features, _STRETCHES)
+
+
+def training_rows(windows: WindowSet, features: ModelFeatures, parts: int) -> Iterator[dict[str, np.ndarray]]:
+    """Inputs and targets in all windows of a recording, in stretches of equal time.
+
+    Args:
+        windows: of the recording.
+        features: of the model.
+        parts: number of stretches.
+
+    Yields:
+        The inputs, and `future`, m/s, agent frame, [M, P, 2] float32.
+    """
+    request, time_s = windows.request, windows.time_s
+    order = np.argsort(time_s, kind="stable")
+    edges = np.linspace(time_s.min(), time_s.max(), parts + 1)[1:-1]
+    for which in np.split(order, np.searchsorted(time_s[order], edges)):
+        row = request.rows[which]
+        inputs = request.inputs(features, row, request.table.time_s[row])
+        yield inputs | {"future": request.table.future[row]}
 
 
 def instants_of_viewing(folder: Path, number: int, *arguments: Any) -> Blocks:

@@ -16,8 +16,10 @@ from pedpred.models.lstm.features import LstmFeatures
 from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.models.registry import describe_network, parse_settings
 from pedpred.online.network import ModelDescription, write_description
+from pedpred.online.settings import MOST_PEOPLE, OnlineSettings
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.tracking import KalmanSettings
+from pedpred.tracking.tracks import TIME_TOLERANCE_S
 from pedpred.training import NetworkLearner
 from pedpred.training.distributed import ALONE
 from pedpred.training.sequences import SequenceSampler, run_over_sequences
@@ -27,6 +29,13 @@ TRACKER = KalmanSettings(acceleration_noise=0.05, position_noise_m=0.05)
 PROTOCOL = ForecastProtocol()
 LSTM_ROWS = RowFormat(PROTOCOL, "lstm", LstmFeatures())
 MIXTURE_ROWS = RowFormat(PROTOCOL, "mixture", MixtureFeatures())
+
+
+def as_offline(protocol, detection_dt_s):
+    """What makes a replay give the pipeline's forecasts, for detections `detection_dt_s` apart."""
+    return OnlineSettings(
+        protocol.max_age_intervals * detection_dt_s, TIME_TOLERANCE_S, most_people=MOST_PEOPLE
+    )
 
 
 def widths_of(features):

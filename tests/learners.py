@@ -20,7 +20,7 @@ def place_of(learner):
 def at_instant(place, time_s, person, detection, seen, forecasts):
     """The place after an instant, and the forecasts from it; nobody chooses modes."""
     known = detection, float(time_s), person, detection, seen
-    return Postprocessing(joint=False).apply(place, forecasts, *known)
+    return Postprocessing(together=False).apply(place, forecasts, *known)
 
 
 def along(learner, person, time_s, detection, seen, forecasts):

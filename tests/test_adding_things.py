@@ -19,14 +19,14 @@ from pedpred.features.perception import Perception
 from pedpred.models import ARCHITECTURES, Architecture
 from pedpred.models.features import FEATURES, RowFormat
 from pedpred.models.forecaster import NetworkForecaster
-from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online import OnlinePredictor
 from pedpred.online.caution import NEWBORN
 from pedpred.online.replay import replay_scene
 from pedpred.storage.checkpoints import read_checkpoint
 from pedpred.tracking import KalmanBank
 from tests.configuration import read
 from tests.conftest import ROOT
-from tests.exported import TRACKER, widths_of, write_model
+from tests.exported import TRACKER, as_offline, widths_of, write_model
 from tests.toys.histories import ToyFeatures
 from tests.toys.transformer import ToySettings
 from tests.trust.project import done
@@ -170,7 +170,7 @@ def test_new_input_set_is_the_same_on_a_robot(monkeypatch, tmp_path):
     table = request.table
     everybody = replace(request, rows=np.arange(len(table)))
     offline = NetworkForecaster(network, made_with.features, None)(everybody)
-    how = replace(OnlineSettings.as_offline(made_with.protocol, scene.detection_dt_s), learn_trust=False)
+    how = replace(as_offline(made_with.protocol, scene.detection_dt_s), learn_trust=False)
     compared = 0
     for forecast in replay_scene(scene, OnlinePredictor.load(tmp_path, how)):
         now = np.abs(table.time_s - forecast.time_s) < 1e-6

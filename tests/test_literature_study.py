@@ -12,7 +12,7 @@ from omegaconf import OmegaConf
 
 from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.command import field_protocol
-from pedpred.evaluation.observed import find_observed_windows, training_rows
+from pedpred.evaluation.observed import find_observed_windows
 from pedpred.evaluation.scores import Resampling, Scores, mean_scores, write_scores
 from pedpred.features.perception import Perception
 from pedpred.metrics.covering import covering_paths
@@ -25,6 +25,7 @@ from pedpred.tracking import KalmanBank, KalmanSettings
 from stages.config import PARTS
 from stages.eth_ucy_gather import figures_of
 from stages.perception import windows_of
+from stages.rows import training_rows
 from tests.configuration import read
 from tests.conftest import ROOT, raw_folder
 from tests.refused import refused

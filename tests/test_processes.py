@@ -67,6 +67,8 @@ def test_lanes_are_divided_evenly_or_refused():
     assert [i for share in shares for i in range(64)[share]] == list(range(64))
     with refused("lanes"):
         DistributedContext(ALONE.device, size=3).share(64)
+    with refused("rows"):
+        DistributedContext(ALONE.device, size=3).share(64, "rows")
 
 
 def test_a_device_that_is_not_there_is_refused():

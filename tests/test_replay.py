@@ -8,11 +8,11 @@ import pytest
 from pedpred.evaluation.windows import request_about
 from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
-from pedpred.online import OnlinePredictor, OnlineSettings
+from pedpred.online import OnlinePredictor
 from pedpred.online.caution import NEWBORN, YOUNG_S
 from pedpred.online.replay import predictions_at, replay_scene
 from pedpred.tracking import KalmanBank
-from tests.exported import TRACKER, forecaster_of
+from tests.exported import TRACKER, as_offline, forecaster_of
 from tests.worlds import EXCERPT, jittered, recorded, walled_scene
 
 
@@ -27,7 +27,7 @@ def assert_a_replay_agrees(scene, kind, model):
     folder, network, encoder = model
     request = everything_asked(scene, kind)
     offline = forecaster_of(network, encoder)(request)
-    robot = OnlinePredictor.load(folder, OnlineSettings.as_offline(request.sizes, scene.detection_dt_s))
+    robot = OnlinePredictor.load(folder, as_offline(request.sizes, scene.detection_dt_s))
     forecasts = replay_scene(scene, robot, kind == "truth")
     online = predictions_at(forecasts, request.table.track_id, request.table.time_s, 10, request.sizes.dt_s)
     assert len(request.table) == len(scene.trajectories)

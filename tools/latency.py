@@ -24,17 +24,18 @@ from pedpred.scenes import OccupancyMap
 ALLOWED = {20: 1.5, 200: 1.05}
 """Number of people -> largest ratio of an update's time to the bound."""
 _SIZES = LstmFeatures()
+_SIDE = 1024
 
 
-def matrix_rate(size: int = 1024) -> float:
+def matrix_rate() -> float:
     """Multiply-adds a second of a single-precision matrix product on one thread."""
-    a = np.random.default_rng(0).random((size, size), dtype=np.float32)
+    a = np.random.default_rng(0).random((_SIDE, _SIDE), dtype=np.float32)
     times: list[float] = []
     while len(times) < 6 or sum(times) < 1.0:
         begin = time.perf_counter()
         a @ a
         times.append(time.perf_counter() - begin)
-    return size**3 / float(np.median(times[1:]))
+    return _SIDE**3 / float(np.median(times[1:]))
 
 
 def step_of(settings: Mapping[str, Any]) -> tuple[nn.Module, Callable[[int], None]]:

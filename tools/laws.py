@@ -18,6 +18,7 @@ from tools.law_worlds import CROWD, RATES_HZ, Move, World, crowded, standing_peo
 KNOWN = 3
 """Detections from which on laws of motion hold; before, hardly any motion is known."""
 _FAR_M = 30.0
+_PEOPLE = 16
 
 STRAIGHT = (0.95, 1.05)
 """Forecast over true displacement of people who walk straight on free ground."""
@@ -26,7 +27,7 @@ STANDING_M = 0.15
 
 
 def straight_shares(
-    folder: Path, rng: np.random.Generator, rate_hz: float, seconds: float = 30.0, people: int = 16
+    folder: Path, rng: np.random.Generator, rate_hz: float, seconds: float = 30.0, people: int = _PEOPLE
 ) -> dict[str, np.ndarray]:
     """Forecast over true displacement of straight walkers at the last step, along their way.
 
@@ -49,14 +50,14 @@ def straight_shares(
 
 
 def standing_errors_m(
-    folder: Path, rng: np.random.Generator, rate_hz: float, noise_m: float, people: int = 16
+    folder: Path, rng: np.random.Generator, rate_hz: float, noise_m: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distance of the last step from the true position of people who stand, m.
 
     Returns:
         Up to the third detection [F], and later [G].
     """
-    world = standing_people(rng, people, noise_m, rate_hz)
+    world = standing_people(rng, _PEOPLE, noise_m, rate_hz)
     place = np.nanmean(world.position, axis=0)
     parts: list[list[np.ndarray]] = [[], []]
     for who, detections, forecast in world.forecasts(folder):

@@ -22,6 +22,7 @@ Figures = Mapping[str, Mapping[str, Any]]
 STRAIGHT_ON = next(iter(PRESENT_MOTION))
 LEVEL, SURE = 1.00, 1.03
 """Most that the error over the better simple method's may be, and the end of its interval."""
+_WORLDS = 5  # drawn for the laws
 _SHORT_S = 8.0  # straight walks of people who have just appeared
 SETTLED_S = 2.5
 """Age from which the last seconds of a track are known, s."""
@@ -133,14 +134,14 @@ def room_verdicts(rooms: str, network: Mapping[str, Any], limits: Mapping[str, f
         yield at_most(rooms, key, network.get(key, float("nan")), most, digits=4)
 
 
-def law_verdicts(folder: Path, seed: int = 0, worlds: int = 5) -> Iterator[Verdict]:
+def law_verdicts(folder: Path) -> Iterator[Verdict]:
     """The laws of `tools.laws` in some drawn worlds."""
     low, high = laws.STRAIGHT
     for rate in RATES_HZ:
-        rng, name = np.random.default_rng([seed, round(10 * rate)]), f"{rate:g} Hz"
+        rng, name = np.random.default_rng([0, round(10 * rate)]), f"{rate:g} Hz"
         walks = [
             laws.straight_shares(folder, rng, rate, seconds)
-            for seconds in (300.0 if rate < 3 else 30.0, *[_SHORT_S] * (worlds - 1))
+            for seconds in (300.0 if rate < 3 else 30.0, *[_SHORT_S] * (_WORLDS - 1))
         ]
         age_s, share = (np.concatenate([walked[key] for walked in walks]) for key in ("age_s", "share"))
         for since_s in (1.0, SETTLED_S):
@@ -154,17 +155,17 @@ def law_verdicts(folder: Path, seed: int = 0, worlds: int = 5) -> Iterator[Verdi
             what = f"m, {name}, noise {100 * noise:.0f} cm"
             yield at_most("standing newborns", what, float(newborn.max()), laws.STANDING_M)
             yield at_most("standing people", what, float(later.max()), laws.STANDING_M)
-    draws = [np.random.default_rng([seed, k]) for k in range(worlds)]
+    draws = [np.random.default_rng([0, k]) for k in range(_WORLDS)]
     for what, (gap_m, most_m) in laws.GAPS.items():
         found_m = max(gap_m(folder, rng) for rng in draws)
         yield at_most("worlds", f"{what}, m", found_m, most_m, digits=4)
 
 
-def latency_verdicts(folder: Path, tries: int = 5) -> Iterator[Verdict]:
-    """Time of an update on one thread over the bound of the paper's network; the best of some tries."""
+def latency_verdicts(folder: Path) -> Iterator[Verdict]:
+    """Time of an update on one thread over the bound of the paper's network; the best of five tries."""
     work = paper_work()
     for count, allowed in ALLOWED.items():
-        rate, times = best_updates(folder, count, 60, tries)
+        rate, times = best_updates(folder, count, 60, tries=5)
         median = float(np.median(times["update"]))
         ratio = median / (count * work / rate * 1e3)
         remark = f"{median:.1f} ms"

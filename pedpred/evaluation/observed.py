@@ -6,7 +6,6 @@ earlier is known of anybody: each instant at which windows end becomes a short r
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -15,7 +14,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from pedpred.errors import ValueRuleError
 from pedpred.evaluation.windows import WindowSet, request_about
-from pedpred.features import ForecastProtocol, ModelFeatures
+from pedpred.features import ForecastProtocol
 from pedpred.features.perception import Perception
 from pedpred.scenes import Scene, Trajectories
 from pedpred.settings import In, Settings
@@ -117,23 +116,3 @@ def short_recordings(people: Trajectories, ends_s: np.ndarray, settings: WindowS
     time_s, track, position = (np.concatenate(column) for column in zip(*parts, strict=True))
     present = np.isin(track, parts[0][1])
     return Trajectories(time_s[present], track[present], position[present])
-
-
-def training_rows(windows: WindowSet, features: ModelFeatures, parts: int) -> Iterator[dict[str, np.ndarray]]:
-    """Inputs and targets in all windows of a recording, in stretches of equal time.
-
-    Args:
-        windows: of the recording.
-        features: of the model.
-        parts: number of stretches.
-
-    Yields:
-        The inputs, and `future`, m/s, agent frame, [M, P, 2] float32.
-    """
-    request, time_s = windows.request, windows.time_s
-    order = np.argsort(time_s, kind="stable")
-    edges = np.linspace(time_s.min(), time_s.max(), parts + 1)[1:-1]
-    for which in np.split(order, np.searchsorted(time_s[order], edges)):
-        row = request.rows[which]
-        inputs = request.inputs(features, row, request.table.time_s[row])
-        yield inputs | {"future": request.table.future[row]}

@@ -63,10 +63,6 @@ class Resampling(Settings):
 class EvaluationSettings(MetricSettings, Resampling):
     """`MetricSettings` and `Resampling` in one, for callers that measure and compare."""
 
-    def __post_init__(self) -> None:
-        MetricSettings.__post_init__(self)
-        Resampling.__post_init__(self)
-
 
 @dataclass(frozen=True)
 class Scores:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from pedpred.settings import Settings, check_choice, check_mapping
+from pedpred.settings import Settings, check_choice
 
 WHERE = ("simulated", "real")
 """Kinds of test sets."""
@@ -26,6 +26,5 @@ class MethodRow(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_mapping("settings", self.settings)
         for kind in self.where:
             check_choice("where", kind, WHERE)

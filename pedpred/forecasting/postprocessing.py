@@ -76,14 +76,14 @@ class Postprocessing:
     """Which steps follow a network.
 
     Attributes:
-        joint: people choose their modes together.
+        together: people choose their modes together.
         learning: regions learn from earlier forecasts.
         noise_m: standard deviation of a detection's coordinate, see `Regions`.
         trust: trust in the network beside straight lines is learned from earlier forecasts.
         local_errors: forecasts are corrected by the errors of earlier ones nearby.
     """
 
-    joint: bool = True
+    together: bool = True
     learning: bool = True
     noise_m: float = 0.0
     trust: bool = False
@@ -126,7 +126,7 @@ class Postprocessing:
             trust, forecasts = trust.update(now, forecasts)
         if errors is not None:
             errors, forecasts = errors.update(now, forecasts, position)
-        if self.joint:
+        if self.together:
             forecasts = choose_modes(forecasts, position)
         if regions is not None:
             regions, forecasts = regions.update(now, forecasts)

@@ -17,7 +17,7 @@ from pedpred.forecasting.tensors import predictions_of
 from pedpred.models.contract import ForecastNetwork, Tensors
 from pedpred.models.lstm.autoencoder import GridEncoder
 from pedpred.models.lstm.encoding import EMBEDDED, encode_once, load_encoder
-from pedpred.models.registry import load_format, load_network
+from pedpred.models.registry import load_network
 from pedpred.models.rolling import outputs_at_instants
 from pedpred.scenes import Predictions
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
@@ -54,22 +54,21 @@ class NetworkForecaster:
         Raises:
             ValueRuleError: the request has no clock.
         """
-        asked, sizes = request.asked, request.sizes
-        if not len(asked):
+        sizes = request.sizes
+        if not len(request.asked):
             return Predictions.single(np.zeros((0, sizes.horizon_steps, 2)), sizes.dt_s)
         if not self.network.state_shapes:
-            return self._present(request)
-        predictions = self._decode(self._outputs(request), sizes.dt_s)
-        return predictions.in_world(asked.position, asked.heading_rad)
+            return self._without_memory(request)
+        return self._with_memory(request)
 
-    def _present(self, request: ForecastRequest) -> Predictions:
+    def _without_memory(self, request: ForecastRequest) -> Predictions:
         """Predictions of a network without memory."""
 
         def infer(row: np.ndarray, inputs: Mapping[str, np.ndarray]) -> Predictions:
             channels = self.features.channels(inputs)
             with torch.inference_mode():
-                outputs, _ = self.network({n: torch.from_numpy(v)[:, None] for n, v in channels.items()}, {})
-            return self._decode({name: values[:, 0] for name, values in outputs.items()}, request.sizes.dt_s)
+                outputs, _ = self.network.step({n: torch.from_numpy(v) for n, v in channels.items()}, {})
+            return self._decode(outputs, request.sizes.dt_s)
 
         postprocessing = Postprocessing(
             self.together, self.learning, request.detection_noise_m, self.trust, self.local_errors
@@ -83,8 +82,8 @@ class NetworkForecaster:
             decoded = self.network.decode(outputs, dt_s)
         return predictions_of({name: values.numpy() for name, values in decoded.items()}, dt_s)
 
-    def _outputs(self, request: ForecastRequest) -> Tensors:
-        """Outputs of a recurrent network. [W, ...] each."""
+    def _with_memory(self, request: ForecastRequest) -> Predictions:
+        """Predictions of a recurrent network."""
         steps, asked = request.steps, request.asked
         latest = last_rows(steps.track_id, steps.time_s, asked.track_id, asked.time_s)
         first = latest - steps.step[latest]
@@ -92,7 +91,8 @@ class NetworkForecaster:
         before = steps.step[latest] + ~on_step
         row = request.past.last_row(steps.track_id, steps.time_s)
         inputs = self._inputs(request, [(row, steps.time_s), (request.rows, asked.time_s)])
-        return outputs_at_instants(self.network, inputs[0], inputs[1], first, before, on_step)
+        outputs = outputs_at_instants(self.network, inputs[0], inputs[1], first, before, on_step)
+        return self._decode(outputs, request.sizes.dt_s).in_world(asked.position, asked.heading_rad)
 
     def _inputs(
         self, request: ForecastRequest, instants: list[tuple[np.ndarray, np.ndarray]]
@@ -119,6 +119,6 @@ def forecaster(network_folder: Path, autoencoder_folder: Path, **choices: bool) 
     Raises:
         InputError: a checkpoint is missing or damaged.
     """
-    network, made_with = load_network(network_folder), load_format(network_folder)
+    network, made_with = load_network(network_folder)
     encoder = load_encoder(autoencoder_folder) if EMBEDDED in network.settings.channels_read else None
     return NetworkForecaster(network, made_with.features, encoder, **choices)

@@ -11,7 +11,7 @@ from typing import Any, cast
 import torch
 
 from pedpred.errors import InputError
-from pedpred.files import read_json, translate_errors
+from pedpred.files import translate_errors
 from pedpred.models import ARCHITECTURES
 from pedpred.models.contract import ForecastNetwork, NetworkSettings
 from pedpred.models.features import RowFormat
@@ -49,7 +49,7 @@ def plain_settings(settings: NetworkSettings) -> dict[str, Any]:
 
 
 def describe_network(network: ForecastNetwork, made_with: RowFormat) -> dict[str, Any]:
-    """What `about.json` must hold so that `load_network` and `load_format` can read it again."""
+    """What `about.json` must hold so that `load_network` can read it again."""
     return {
         "kind": _KIND,
         "network": plain_settings(network.settings),
@@ -59,35 +59,24 @@ def describe_network(network: ForecastNetwork, made_with: RowFormat) -> dict[str
     }
 
 
-def load_format(folder: Path) -> RowFormat:
-    """What the rows were made with that the network of a checkpoint was trained on.
-
-    Raises:
-        InputError: the checkpoint is missing or damaged.
-    """
-    path = folder / "about.json"
-    wording = partial(InputError, path, "rows", remedy="Train the network again")
-    about = read_json(path, wording)
-    with translate_errors(wording):
-        return RowFormat.parse(about["rows"])
-
-
 def is_network(about: Mapping[str, Any]) -> bool:
     """Whether a checkpoint's description is that of a network which forecasts."""
     return about["kind"] == _KIND
 
 
-def load_network(folder: Path) -> ForecastNetwork:
-    """The network of a checkpoint, ready to forecast.
+def load_network(folder: Path) -> tuple[ForecastNetwork, RowFormat]:
+    """The network of a checkpoint, ready to forecast, and what the rows were made with that trained it.
 
     Raises:
         InputError: the checkpoint is missing or damaged.
     """
     weights, about = read_checkpoint(folder)
-    remedy = "Train the network again"
-    with translate_errors(partial(InputError, folder / "about.json", "network", remedy=remedy)):
+    wording = partial(InputError, folder / "about.json", remedy="Train the network again")
+    with translate_errors(partial(wording, "network")):
         settings = parse_settings(about["network"])
         with torch.device("meta"):  # no memory until the weights are known to fit
             network = settings.build(about["widths"], int(about["horizon_steps"]))
+    with translate_errors(partial(wording, "rows")):
+        made_with = RowFormat.parse(about["rows"])
     load_weights(network, weights, folder)
-    return network.eval()
+    return network.eval(), made_with

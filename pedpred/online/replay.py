@@ -35,11 +35,9 @@ def replay_scene(
         yield predictor.update(float(now), trajectories.track_id[rows], trajectories.position[rows], true)
 
 
-def replay_with_progress(
-    scene: Scene, predictor: OnlinePredictor, true_velocities: bool = False
-) -> Iterator[Forecast]:
+def replay_with_progress(scene: Scene, predictor: OnlinePredictor) -> Iterator[Forecast]:
     """Yield the forecasts of `replay_scene`, with a progress bar."""
-    forecasts, frames = replay_scene(scene, predictor, true_velocities), np.unique(scene.trajectories.time_s)
+    forecasts, frames = replay_scene(scene, predictor), np.unique(scene.trajectories.time_s)
     yield from tqdm(forecasts, total=len(frames), desc=f"replay {scene.name}", unit="frame")
 
 

@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from pedpred.errors import ValueRuleError
-from pedpred.features import ForecastProtocol
 from pedpred.settings import In, Settings
 from pedpred.tracking import KalmanSettings
-from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 MOST_PEOPLE = 100_000
 """Largest limit of people: for recordings, which wait for nobody."""
@@ -47,9 +45,3 @@ class OnlineSettings(Settings):
         super().__post_init__()
         if self.tracker is not None and not isinstance(self.tracker, KalmanSettings):
             raise ValueRuleError("tracker", self.tracker, "it must be KalmanSettings or None")
-
-    @classmethod
-    def as_offline(cls, protocol: ForecastProtocol, detection_dt_s: float) -> OnlineSettings:
-        """What makes a replay give the pipeline's forecasts, for detections `detection_dt_s` apart."""
-        max_age_s = protocol.max_age_intervals * detection_dt_s
-        return cls(max_age_s, TIME_TOLERANCE_S, most_people=MOST_PEOPLE)

@@ -63,18 +63,15 @@ class OccupancyMap:
         self.__dict__.update(state)
 
     @classmethod
-    def free_around(
-        cls, points: np.ndarray, margin_m: float = 1.0, cell_m: float = _FREE_CELL_M
-    ) -> OccupancyMap:
-        """Make a map without obstacles, for a place with unknown ones.
+    def free_around(cls, points: np.ndarray, cell_m: float = _FREE_CELL_M) -> OccupancyMap:
+        """Make a map without obstacles, for a place with unknown ones: 1 m of ground around some points.
 
         Args:
             points: the map contains these, world frame, m. [M, 2]
-            margin_m: ground around them, m.
             cell_m: side of a cell, larger where there would be too many, m.
         """
         ends = points if len(points) else np.zeros((1, 2))
-        low, high = ends.min(axis=0) - margin_m, ends.max(axis=0) + margin_m
+        low, high = ends.min(axis=0) - 1.0, ends.max(axis=0) + 1.0
         resolution_m = max(cell_m, float((high - low).max()) / _FREE_CELLS)
         shape = np.ceil((high - low) / resolution_m).astype(np.int64)
         return cls(np.zeros(shape, bool), low, resolution_m)

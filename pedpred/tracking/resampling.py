@@ -34,7 +34,7 @@ def resampled(scene: Scene, dt_s: float, lost_after_s: float = LOST_AFTER_S) -> 
     parts: list[tuple[np.ndarray, ...]] = []
     for a, b in zip(first, np.append(first, len(track_id))[1:], strict=True):
         ticks = int((time_s[b - 1] - time_s[a] + TIME_TOLERANCE_S) / dt_s) + 1
-        if b - a > 1 and ticks > 1:
+        if ticks > 1:
             now = time_s[a] + np.arange(ticks) * dt_s
             velocity = np.gradient(position[a:b], time_s[a:b], axis=0)
             path, pace = (CubicSpline(time_s[a:b], values)(now) for values in (position[a:b], velocity))

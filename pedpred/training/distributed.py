@@ -88,16 +88,16 @@ class DistributedContext:
         """A context for the forward pass."""
         return torch.autocast(self.device.type, torch.bfloat16) if self.autocast else nullcontext()
 
-    def share(self, lanes: int) -> slice:
-        """This process's share of the lanes.
+    def share(self, count: int, field: str = "lanes") -> slice:
+        """This process's share of the lanes or rows of a batch; `field`: the setting of their number.
 
         Raises:
             ValueRuleError: they cannot be divided evenly.
         """
-        if lanes % self.size:
+        if count % self.size:
             rule = f"it must be a multiple of the number of processes, {self.size}"
-            raise ValueRuleError("lanes", lanes, rule)
-        each = lanes // self.size
+            raise ValueRuleError(field, count, rule)
+        each = count // self.size
         return slice(self.rank * each, (self.rank + 1) * each)
 
     def total(self, values: Tensor) -> Tensor:

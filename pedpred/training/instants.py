@@ -77,12 +77,12 @@ class InstantSampler:
     @property
     def lanes(self) -> int:
         """Rows of this process."""
-        part = self.context.share(self.settings.rows)
+        part = self.context.share(self.settings.rows, "rows")
         return part.stop - part.start
 
     def batches(self, done: int) -> Iterator[np.ndarray]:
         """Rows of the data, [B] each; those of a step depend on its number alone."""
-        how, of_rank = self.settings, self.context.share(self.settings.rows)
+        how, of_rank = self.settings, self.context.share(self.settings.rows, "rows")
         sets = [(rows, how.shares.get(name, 0.0)) for name, rows in self.training.items() if len(rows)]
         share = np.array([share for _, share in sets]) / sum(share for _, share in sets)
         step = done

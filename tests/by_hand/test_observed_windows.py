@@ -10,12 +10,12 @@ from pedpred.evaluation.observed import (
     consecutive_rows,
     find_observed_windows,
     short_recordings,
-    training_rows,
 )
 from pedpred.evaluation.windows import integrate_truth
 from pedpred.features.perception import Perception
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.tracking import KalmanSettings
+from stages.rows import training_rows
 from tests.worlds import empty_map
 
 SETTINGS = WindowSettings(observed_steps=2, predicted_steps=1, step_s=0.4)

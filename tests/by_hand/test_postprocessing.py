@@ -242,13 +242,13 @@ def test_links_follow_each_other():
         np.testing.assert_array_equal(getattr(found, name), values)
     np.testing.assert_array_equal(found_place.regions.learned, regions.learned)
     np.testing.assert_array_equal(found_place.trust.weights, trust.weights)
-    apart = along(replace(steps, joint=False), place, alone)[1]
+    apart = along(replace(steps, together=False), place, alone)[1]
     np.testing.assert_array_equal(apart.weight, alone.weight)
 
 
 def test_a_chain_without_links_changes_nothing():
     place, after = along(
-        Postprocessing(joint=False, learning=False), PlaceKnowledge(None, None), meeting()[1]
+        Postprocessing(together=False, learning=False), PlaceKnowledge(None, None), meeting()[1]
     )
     assert (place.trust, place.regions) == (None, None)
     np.testing.assert_array_equal(after.path, meeting()[1].path)
@@ -260,7 +260,7 @@ def test_detections_are_kept_1_s_longer_than_the_horizon():
     alone = Predictions.single(np.zeros((1, 10, 2)), 0.4)
     for now_s in np.arange(0.0, 6.5, 0.5):
         known = here, now_s, np.array([4]), here, np.ones(1, bool)
-        place, _ = Postprocessing(joint=False, learning=False).apply(place, alone, *known)
+        place, _ = Postprocessing(together=False, learning=False).apply(place, alone, *known)
     assert place.detections.time_s.tolist() == np.arange(1.0, 6.5, 0.5).tolist()
 
 

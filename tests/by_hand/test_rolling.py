@@ -217,7 +217,7 @@ def test_networks_without_memory_forecast_through_blocks(dt_s, choice):
     chosen, alone = (
         NetworkForecaster(network, LstmFeatures(4), None, *links)(request) for links in (choice, NO_LINK)
     )
-    steps = Postprocessing(**dict(zip(("joint", "learning", "trust"), choice, strict=True)), noise_m=0.15)
+    steps = Postprocessing(**dict(zip(("together", "learning", "trust"), choice, strict=True)), noise_m=0.15)
     differs = False
     for which, part in forecast_blocks(request, LstmFeatures(4), infer, steps):
         for name, values in part.arrays().items():

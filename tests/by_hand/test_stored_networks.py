@@ -19,7 +19,6 @@ from pedpred.models.mixture.network import MixtureSettings
 from pedpred.models.registry import (
     describe_network,
     is_network,
-    load_format,
     load_network,
     parse_settings,
     plain_settings,
@@ -67,17 +66,16 @@ def test_a_network_on_disk_is_described_and_read(tmp_path):
     assert is_network(about)
     assert not is_network({"kind": "autoencoder"})
     write_checkpoint(tmp_path, network.state_dict(), about)
-    other = load_network(tmp_path)
-    assert load_format(tmp_path) == MADE_WITH
+    other, made_with = load_network(tmp_path)
+    assert made_with == MADE_WITH
     assert not other.training
     assert (other.settings, other.widths, other.horizon_steps) == (SMALL, network.widths, STEPS)
     assert other.state_dict().keys() == network.state_dict().keys()
     for name, weights in network.state_dict().items():
         assert torch.equal(other.state_dict()[name], weights)
     write_checkpoint(tmp_path, network.state_dict(), {"kind": "motion"})
-    for read in (load_network, load_format):
-        with pytest.raises(InputError, match=r"about\.json"):
-            read(tmp_path)
+    with pytest.raises(InputError, match=r"about\.json"):
+        load_network(tmp_path)
 
 
 def test_a_forecaster_has_the_encoder_that_its_network_reads(tmp_path):

@@ -12,6 +12,7 @@ from torch.nn.functional import leaky_relu
 
 from pedpred.errors import ValueRuleError
 from pedpred.models.contract import (
+    UNITS,
     ForecastNetwork,
     Loss,
     Tensors,
@@ -38,8 +39,8 @@ _NEGATIVE_SLOPE = 0.1
 class ChannelWidths(Settings):
     """Units of one input channel: its fully connected projection, and its LSTM."""
 
-    projection: Annotated[int, In("[1, 65536]")]
-    lstm: Annotated[int, In("[1, 65536]")]
+    projection: Annotated[int, In(UNITS)]
+    lstm: Annotated[int, In(UNITS)]
 
 
 @dataclass(frozen=True)
@@ -56,8 +57,8 @@ class LstmSettings(Settings):
     """
 
     channels: Mapping[str, ChannelWidths]
-    joint: Annotated[int, In("[1, 65536]")]
-    head: Annotated[int, In("[1, 65536]")]
+    joint: Annotated[int, In(UNITS)]
+    head: Annotated[int, In(UNITS)]
     residual: bool
     dropout: Annotated[float, In("[0, 1)")] = 0.0
     uncertainty: str = "none"

@@ -120,18 +120,18 @@ class BeamEncoder(nn.Module):
 
     Attributes:
         units: of the result.
-        quarters: number of groups.
+        groups: number of groups.
     """
 
     def __init__(self, beams: int, units: int, sides: int):
         super().__init__()
-        self.units, self.sides, self.quarters = units, sides, beams // 4
-        self.patch, self.join = nn.Linear(16, 32), nn.Linear(self.quarters * 32, units)
+        self.units, self.sides, self.groups = units, sides, beams // 4
+        self.patch, self.join = nn.Linear(16, 32), nn.Linear(self.groups * 32, units)
 
     def forward(self, beams: Tensor) -> Tensor:
         """Encode distances to obstacles, m, from each side. [N, beams] -> [N * sides, units]."""
-        seen = torch.cat([beams, mirrored_beams(beams)][: self.sides], dim=-1).reshape(-1, self.quarters, 4)
+        seen = torch.cat([beams, mirrored_beams(beams)][: self.sides], dim=-1).reshape(-1, self.groups, 4)
         # 0.1: 1 / 10 m, the default of `beam_range_m`, whatever range is set
-        quarter = torch.cat([1.0 - 0.1 * seen, torch.exp(-seen)], dim=-1)
-        patches = torch.cat([quarter.roll(1, 1), quarter], dim=-1).reshape(-1, 16)
+        group = torch.cat([1.0 - 0.1 * seen, torch.exp(-seen)], dim=-1)
+        patches = torch.cat([group.roll(1, 1), group], dim=-1).reshape(-1, 16)
         return torch.relu(self.join(torch.relu(self.patch(patches)).reshape(-1, self.join.in_features)))

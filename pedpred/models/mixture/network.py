@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from torch.nn.functional import linear, log_softmax
 
 from pedpred.errors import ValueRuleError
-from pedpred.models.contract import ForecastNetwork, Loss, Tensors, displacements, mean_over
+from pedpred.models.contract import UNITS, ForecastNetwork, Loss, Tensors, displacements, mean_over
 from pedpred.models.gaussian import covariance_of, initial_spread, negative_log_density, spread_of
 from pedpred.models.mixture.encoders import BeamEncoder, NeighbourEncoder, motion_known, own_motion, own_signs
 from pedpred.models.mixture.features.nearest import NEIGHBOUR
@@ -31,7 +31,6 @@ SURROUNDINGS = ("history", "neighbours", "beams")
 """What it can do without: the past, other people, obstacles."""
 _VELOCITIES = "neighbour_velocities"
 _ENCODERS = ("own", "neighbours", "beams")
-_WIDTHS = ("units", "motion_units", "neighbour_units", "obstacle_units")
 
 
 @dataclass(frozen=True)
@@ -55,10 +54,10 @@ class MixtureSettings(Settings):
     """
 
     modes: Annotated[int, In("[1, 1000]")] = 12
-    units: Annotated[int, In("[1, 65536]")] = 384
-    motion_units: Annotated[int, In("[1, 65536]")] = 128
-    neighbour_units: Annotated[int, In("[1, 65536]")] = 96
-    obstacle_units: Annotated[int, In("[1, 65536]")] = 128
+    units: Annotated[int, In(UNITS)] = 384
+    motion_units: Annotated[int, In(UNITS)] = 128
+    neighbour_units: Annotated[int, In(UNITS)] = 96
+    obstacle_units: Annotated[int, In(UNITS)] = 128
     likelihood: Annotated[float, In("[0, 1e6]")] = 0.1
     closest: Annotated[float, In("[0, 1e6]")] = 0.3
     sharpness: Annotated[float, In("(0, 1e6]")] = 3.0

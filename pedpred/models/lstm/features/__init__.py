@@ -74,8 +74,9 @@ class LstmFeatures(Settings):
         return {"occupancy": crops}
 
     def channels(self, stored: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """See `ModelFeatures`; the encoder's embedding of the crop is the channel "grid"."""
-        return {"state": stored["state"], "angular": self.closeness(stored["angular_grid"])}
+        """See `ModelFeatures`; an empty cone is 0. The encoder's embedding is the channel "grid"."""
+        closeness = 1.0 - stored["angular_grid"] / np.float32(self.max_range_m)
+        return {"state": stored["state"], "angular": closeness}
 
     def empty_channels(self) -> dict[str, float]:
         """See `ModelFeatures`; the embedding of an empty crop is known to the encoder alone."""
@@ -89,10 +90,6 @@ class LstmFeatures(Settings):
         """See `ModelFeatures`."""
         crops = unpack_crops(stored["occupancy"], self.grid_cells)
         return self.channels(stored) | {"crop": crops.astype(np.float32)}
-
-    def closeness(self, angular_grid: np.ndarray) -> np.ndarray:
-        """1 - r / r_max of angular grids, so that an empty cone is 0. [..., K] float32."""
-        return 1.0 - angular_grid / np.float32(self.max_range_m)
 
     def past_s(self, dt_s: float) -> float:
         """None: the network's state remembers it."""

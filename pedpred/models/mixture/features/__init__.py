@@ -48,7 +48,7 @@ class MixtureFeatures(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.beams % 4:
-            raise ValueRuleError("beams", self.beams, "it must be a multiple of 4: they are read by quarters")
+            raise ValueRuleError("beams", self.beams, "it must be a multiple of 4, the size of a group")
 
     def columns(self) -> dict[str, StoredColumn]:
         """See `ModelFeatures`; neighbours and obstacles in half precision: to about 4 mm at 8 m."""
