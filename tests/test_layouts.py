@@ -102,7 +102,7 @@ def test_generated_rooms_are_connected_and_differ():
 
 
 def test_a_layout_of_ones_own_is_a_file_and_a_command(tmp_path, monkeypatch):
-    page = (CONF.parent / "docs/layouts.md").read_text().partition("## The simulated people")[0]
+    page = (CONF.parent / "docs/places.md").read_text().partition("## Draw a room")[2]
     layout, commands = re.findall(r"```(?:yaml|sh)\n(.*?)```", page, re.DOTALL)
     (tmp_path / "kitchen.yaml").write_text(layout)
     monkeypatch.setattr(simulate, "LAYOUTS", tmp_path)
