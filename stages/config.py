@@ -29,6 +29,7 @@ from pedpred.files import write_text
 from pedpred.forecasting import MethodRow
 from pedpred.models import ARCHITECTURES
 from pedpred.models.features import FEATURES
+from pedpred.models.forecaster import ForecasterChoices
 from pedpred.models.lstm.encoding import EMBEDDED
 from pedpred.models.registry import parse_settings
 from pedpred.report.literature import read_published
@@ -299,7 +300,7 @@ PARTS: dict[str, Check] = {
     "training": _training,
     "trainings": _trainings,
     "validation": flow_of,
-    "evaluation": _whole("evaluation", MetricSettings),
+    "evaluation": _whole("evaluation", MetricSettings, ForecasterChoices),
     "comparison": _whole("comparison", Reference, Resampling),
     "recording": _recording,
     "driving": _driving,

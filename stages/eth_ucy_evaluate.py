@@ -19,7 +19,7 @@ from pedpred.scenes import Scene, Trajectories
 from pedpred.storage.scenes import read_scene
 from pedpred.tracking import KalmanBank, tune_kalman
 from pedpred.workers import in_parallel
-from stages.evaluate import AUTOENCODER, metric_settings
+from stages.evaluate import AUTOENCODER, evaluation_of
 from stages.folds import trained_sets
 from stages.perception import perception_of, protocol_of, windows_of
 from stages.sets import tables_of
@@ -44,7 +44,8 @@ def fit_filter(scenes: Iterable[Scene], ahead: int) -> KalmanBank | None:
 def evaluate_recording(cfg: DictConfig, fold: str, at: str, fitted: KalmanBank | None, out: Path) -> None:
     """Measure all methods in one recording; networks are the mean of their seeds. A job of one worker."""
     torch.set_num_threads(1)
-    scene, settings, windows = read_scene(TOP / "scenes" / at), metric_settings(cfg), windows_of(cfg)
+    scene, windows = read_scene(TOP / "scenes" / at), windows_of(cfg)
+    settings, usual = evaluation_of(cfg)
     if scene.unavailable is not None:
         return
     assert windows is not None
@@ -55,7 +56,7 @@ def evaluate_recording(cfg: DictConfig, fold: str, at: str, fitted: KalmanBank |
         simple = find_observed_windows(scene, replace(how, kalman=fitted), windows, memory=False)
     measured = partial(measure, settings=settings, samples=cfg.samples)
     scores = measured(simple, {key: method() for key, method in PRESENT_MOTION.items()})
-    choices = {"together": settings.together, "learning": False, "trust": False, "local_errors": False}
+    choices = {"together": usual.together, "learning": False, "trust": False, "local_errors": False}
     for network in cfg.networks:
         training = f"eth_ucy_{cfg.methods.networks[network].settings.architecture}_folds"
         folders = {

@@ -14,9 +14,9 @@ from pedpred.config import SETS, configured, one_of, plain, row, stage, stage_ke
 from pedpred.evaluation import MetricSettings
 from pedpred.evaluation.trial import Trial, evaluate_scene
 from pedpred.forecasting import MethodRow
-from pedpred.models.forecaster import forecaster
+from pedpred.models.forecaster import ForecasterChoices, forecaster
 from pedpred.models.lstm.features import LstmFeatures
-from pedpred.settings import load
+from pedpred.settings import load, load_together
 from pedpred.simulation.settings import social_force_settings
 from pedpred.storage.scenes import scene_folders
 from pedpred.workers import in_parallel
@@ -34,11 +34,11 @@ def tested_sets(folds: Iterable[Mapping[str, Any]], kinds: Iterable[str]) -> lis
     return [at for at in named if at.partition("/")[0] in kinds]
 
 
-def metric_settings(cfg: DictConfig) -> MetricSettings:
-    """Read the choices of forecasters and the thresholds of metrics."""
+def evaluation_of(cfg: DictConfig) -> tuple[MetricSettings, ForecasterChoices]:
+    """Read the thresholds of metrics, and the choices of forecasters."""
     with configured("evaluation"):
-        settings: MetricSettings = load(MetricSettings, plain(cfg.evaluation))
-    return settings
+        settings, choices = load_together([MetricSettings, ForecasterChoices], plain(cfg.evaluation))
+    return settings, choices
 
 
 def trials_of_baseline(cfg: DictConfig, name: str) -> Iterator[tuple[str, Path, Trial]]:
@@ -50,21 +50,21 @@ def trials_of_baseline(cfg: DictConfig, name: str) -> Iterator[tuple[str, Path, 
     for at in tested_sets(folds, method.where):
         source = source_of(cfg, at)
         walking = social_force_settings(row(cfg, "social_forces", source.social_force))
+        settings, _ = evaluation_of(cfg)
         seen = perception_of(cfg, source)
-        yield at, Path(name), Trial(name, simple, *seen, walking, metric_settings(cfg), fits=True)
+        yield at, Path(name), Trial(name, simple, *seen, walking, settings, fits=True)
 
 
 def trials_of_network(cfg: DictConfig, name: str, weights: str) -> Iterator[tuple[str, Path, Trial]]:
     """A network at all test sets: with the weights of each fold, or with those of the main training."""
-    where, settings = cfg.methods.networks[name].where, metric_settings(cfg)
-    links = {link: getattr(settings, link) for link in ("together", "learning", "trust", "local_errors")}
+    where, (settings, choices) = cfg.methods.networks[name].where, evaluation_of(cfg)
     trained = Path("models", f"{cfg.methods.networks[name].settings.architecture}_{weights}", name)
     folds = [(key, fold) for study in cfg.folds.values() for key, fold in study.items()]
     tested = [(key, [fold]) for key, fold in folds if "train" in fold]
     if weights == "main":
         tested = [("", [fold for _, fold in folds if "train" not in fold])]
     for key, of_weights in tested:
-        network = forecaster(trained / key, AUTOENCODER, **links)
+        network = forecaster(trained / key, AUTOENCODER, **vars(choices))
         memory = bool(network.network.state_shapes)
         grids = network.features if isinstance(network.features, LstmFeatures) else None  # for pictures
         for at in tested_sets(of_weights, where):

@@ -15,8 +15,9 @@ from pedpred.settings import load_together
 from pedpred.storage.checkpoints import write_checkpoint
 from pedpred.training.distributed import ThreadSettings
 from pedpred.training.fit import write_curve
-from pedpred.training.loop import scratch_folder, train
+from pedpred.training.loop import train
 from pedpred.training.pretraining import AutoencoderLearner, AutoencoderSettings
+from pedpred.training.progress import scratch_folder
 
 
 @stage("curve")

@@ -15,7 +15,7 @@ from pedpred.rows.files import write_manifest
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.training import AutoencoderLearner, AutoencoderSettings, loop, train
 from pedpred.training.fit import copy_phase
-from pedpred.training.loop import scratch_folder
+from pedpred.training.progress import scratch_folder
 from tests.exported import roll, same_weights, train_on, widths_of, write_network
 from tests.refused import refused, unread
 from tests.trainings import (

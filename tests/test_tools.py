@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from benchmarks import robustness, tables
@@ -18,7 +17,6 @@ from pedpred.storage.scenes import write_scene
 from tests.conftest import ROOT
 from tests.worlds import walled_scene
 from tools import arguments
-from tools.checksums import checksums
 from tools.motion import describe_motion
 from tools.places import recordings
 
@@ -66,19 +64,6 @@ def test_argument_out_of_range_is_refused():
         for text in wrong:
             with pytest.raises(argparse.ArgumentTypeError):
                 kind(text)
-
-
-def test_checksum_of_a_column_is_of_its_values(tmp_path):
-    columns = {"text": ["a", "b"], "gaps": [True, None], "lists": [[1], [2, 3]], "bytes": [b"a", b"bc"]}
-    digests = []
-    for name in ("one", "other", "changed"):
-        (tmp_path / name / "data").mkdir(parents=True)
-        table = {key: [*values, values[name == "changed"]] for key, values in columns.items()}
-        pd.DataFrame(table).to_parquet(tmp_path / name / "data" / "table.parquet")
-        digests.append(dict(checksums(tmp_path / name)))
-    assert digests[0] == digests[1]
-    assert len(digests[0]) == len(columns)
-    assert all(digests[0][key] != digests[2][key] for key in digests[0])
 
 
 def test_recordings_are_places_with_people_or_files(tmp_path, monkeypatch):

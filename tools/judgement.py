@@ -14,11 +14,12 @@ from pedpred.command.prediction import predictor_for
 from pedpred.config import LOCK, plain, row
 from pedpred.evaluation import EvaluationSettings, Scores, pool_scores, summarise_methods
 from pedpred.features.perception import sensed
+from pedpred.models.forecaster import ForecasterChoices
 from pedpred.online.assessment import NETWORK, assess
 from pedpred.online.network import read_origin
 from pedpred.report.results import metrics_now
 from pedpred.scenes import Scene
-from pedpred.settings import load, load_each
+from pedpred.settings import load_each, load_together
 from pedpred.simulation.sensor import SensorSettings
 from pedpred.storage.scenes import read_scene, scene_folders
 from stages.folds import trained_sets
@@ -100,7 +101,8 @@ class Judgement:
         self.folder, self.params = folder, params
         self.origin = read_origin(folder)
         resampling = {key: params.comparison[key] for key in ("bootstrap", "seed")}
-        self.settings = load(EvaluationSettings, plain(params.evaluation) | resampling)
+        kinds = EvaluationSettings, ForecasterChoices
+        self.settings, _ = load_together(kinds, plain(params.evaluation) | resampling)
         self.promises = load_each(PromiseRow, plain(params.online.promises))
 
     def places(self) -> dict[str, Path]:

@@ -25,22 +25,14 @@ _METRIC = "metric_"
 
 @dataclass(frozen=True, kw_only=True)
 class MetricSettings(Settings):
-    """Choices of forecasters and thresholds of the metrics; defaults: published figures.
+    """Thresholds of the metrics; defaults: published figures.
 
     Attributes:
-        together: networks choose the modes of people who are present together.
-        learning: regions of networks without memory learn from earlier forecasts at the same place.
-        trust: trust in them beside straight lines is learned likewise, see `pedpred.forecasting.trust`.
-        local_errors: of earlier forecasts nearby correct later ones, see `pedpred.forecasting.local_errors`.
         moving_mps: slower people count as standing.
         collision_m: people forecast nearer than this at the same step collide.
         miss_m: a forecast whose last position is farther off than this is a miss.
     """
 
-    together: bool = True
-    learning: bool = True
-    trust: bool = True
-    local_errors: bool = True
     moving_mps: Annotated[float, In("(0, 1e6]")] = 0.3
     collision_m: Annotated[float, In("(0, 1e6]")] = 0.2
     miss_m: Annotated[float, In("(0, 1e6]")] = 2.0

@@ -20,7 +20,18 @@ from pedpred.models.lstm.encoding import EMBEDDED, encode_once, load_encoder
 from pedpred.models.registry import load_network
 from pedpred.models.rolling import outputs_at_instants
 from pedpred.scenes import Predictions
+from pedpred.settings import Settings
 from pedpred.tracking.tracks import TIME_TOLERANCE_S, last_rows
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForecasterChoices(Settings):
+    """What follows networks without memory, see `NetworkForecaster`; defaults: published figures."""
+
+    together: bool = True
+    learning: bool = True
+    trust: bool = True
+    local_errors: bool = True
 
 
 @dataclass(frozen=True)
@@ -114,7 +125,7 @@ def forecaster(network_folder: Path, autoencoder_folder: Path, **choices: bool) 
     Args:
         network_folder: the checkpoint.
         autoencoder_folder: the checkpoint of the encoder.
-        choices: `together`, `learning`, `trust` and `local_errors` of `NetworkForecaster`.
+        choices: fields of `ForecasterChoices`.
 
     Raises:
         InputError: a checkpoint is missing or damaged.

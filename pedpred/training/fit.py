@@ -23,7 +23,8 @@ from pedpred.models.registry import describe_network, is_network
 from pedpred.storage.checkpoints import load_weights, read_checkpoint
 from pedpred.training.distributed import DistributedContext
 from pedpred.training.learner import FitSettings
-from pedpred.training.loop import scratch_folder, train
+from pedpred.training.loop import train
+from pedpred.training.progress import scratch_folder
 
 
 def load_training_rows(

@@ -12,15 +12,8 @@ from torch.nn.utils import clip_grad_norm_
 from pedpred.errors import ValueRuleError
 from pedpred.models.contract import Loss
 from pedpred.training.distributed import ALONE, DistributedContext
-from pedpred.training.loop import (
-    Learner,
-    Progress,
-    load_progress,
-    save_progress,
-    scratch_folder,
-    train,
-    train_step,
-)
+from pedpred.training.loop import Learner, train, train_step
+from pedpred.training.progress import Progress, load_progress, save_progress, scratch_folder
 from pedpred.training.schedule import Schedule, learning_rate
 from tests.refused import refused
 
