@@ -192,9 +192,6 @@ def test_processes_that_compile_at_once_share_the_users_cache(before, tmp_path):
         assert not folder.stat().st_mode & 0o077
 
 
-LIMITS = np.array([1.0])
-
-
 def test_a_loop_that_reads_a_dict_or_method_is_refused():
     settings = {"limit": 1.0}
 
@@ -207,17 +204,6 @@ def test_a_loop_that_reads_a_dict_or_method_is_refused():
     for loop, name in ((reads_a_dict, "settings"), (reads_a_module, "Path")):
         with pytest.raises(TypeError, match=name):
             compiled(loop)()
-
-
-def test_a_loop_that_changes_in_a_process_is_not_cached(monkeypatch):
-    """The former one may be compiled into others by then."""
-
-    def reads_limits():
-        return LIMITS[0]
-
-    assert contents(reads_limits) is not None
-    monkeypatch.setitem(globals(), "LIMITS", np.array([2.0]))
-    assert contents(reads_limits) is None
 
 
 def test_every_loop_of_the_package_can_be_cached():
