@@ -1,17 +1,14 @@
 """The cache of compiled loops: no file of it is stale, damage and lack of a folder are no errors."""
 
 import concurrent.futures
-import importlib
 import os
-import pkgutil
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import pedpred
-from pedpred.compiled import compiled, contents
+from pedpred.compiled import compiled
 from tests.conftest import ROOT
 from tests.forked import run_forked
 
@@ -204,12 +201,3 @@ def test_a_loop_that_reads_a_dict_or_method_is_refused():
     for loop, name in ((reads_a_dict, "settings"), (reads_a_module, "Path")):
         with pytest.raises(TypeError, match=name):
             compiled(loop)()
-
-
-def test_every_loop_of_the_package_can_be_cached():
-    elsewhere = "__main__", "ros2.node"  # a command, and what needs a ROS
-    names = [one.name for one in pkgutil.walk_packages(pedpred.__path__, "pedpred.")]
-    modules = [importlib.import_module(name) for name in names if not name.endswith(elsewhere)]
-    loops = {value.py_func for one in modules for value in vars(one).values() if hasattr(value, "py_func")}
-    assert all(contents(loop) for loop in loops)
-    assert len(loops) > 50

@@ -6,6 +6,7 @@ import runpy
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import yaml
@@ -208,9 +209,9 @@ def test_stage_refuses_a_bad_output_before_it_works(look):
     assert look("+out=/dev/full", DVC_STAGE="plain").startswith("OutputError")
 
 
-@pytest.mark.parametrize("added", ["+Out=1", "++trainings.rate=1", "+curve=1"])
+@pytest.mark.parametrize("added", ["+Out=1", "++trainings.rate=1"])
 def test_argument_that_nobody_reads_is_refused(project, look, added):
-    """A misspelt argument, a key that conf/ does not have, an argument of other stages."""
+    """A misspelt argument, and a key that conf/ does not have."""
     said = look("+name=eth", added)
     assert f"'{added.lstrip('+').partition('=')[0]}' = '1'" in said
     assert not (project / "seen.txt").exists()
@@ -248,13 +249,13 @@ def test_unknown_key_or_option_is_refused_by_name(project, compose):
     assert (project / "params.yaml").read_text() == PARAMS_YAML
 
 
-def test_composing_twice_gives_the_same_bytes(project, compose):
+def test_composed_params_pass_the_check(compose):
     assert compose() == ""
-    first = (project / "params.yaml").read_bytes()
+    first = Path("params.yaml").read_bytes()
     assert compose() == ""
-    assert (project / "params.yaml").read_bytes() == first
+    assert Path("params.yaml").read_bytes() == first
     assert compose("--check", "--stamp", "data/checked") == ""
-    assert (project / "data" / "checked").is_file()
+    assert Path("data/checked").is_file()
 
 
 def test_check_fails_with_a_diff_after_an_edit_under_conf(project, compose):
