@@ -14,7 +14,8 @@ from pedpred.sources.mirrors import NOTE
 from pedpred.sources.scene_folder import read_own
 from pedpred.storage.scenes import read_scene, write_scene
 from stages import ingest
-from tests.configuration import composed
+from stages.worlds import worlds_of
+from tests.configuration import composed, read
 from tests.conftest import ROOT
 from tools import fit_social_force, recordings, stand_in, tune_tracker
 
@@ -27,6 +28,7 @@ def test_option_adds_a_place_that_is_tested_and_never_trained_on():
     assert chosen["places"].keys() - usual["places"].keys() == {NAME}
     (fold,) = chosen["folds"]["real"].keys() - usual["folds"]["real"].keys()
     assert chosen["folds"]["real"][fold] == {"train": [], "test": [f"real/{NAME}"]}
+    assert worlds_of(read("params.yaml"))[0].seed != stand_in.SEED  # no network is trained in its world
 
 
 @pytest.mark.parametrize("there", [True, False])
