@@ -103,9 +103,9 @@ def test_a_missing_input_is_named_before_any_is_read(command, here, capsys):
     assert "gone.csv" in refusal(capsys, *command.split(), *scenes)
 
 
-@pytest.mark.parametrize(("option", "value"), [("--unit", "cm"), ("--topic", "/people"), ("--class", "dog")])
-def test_an_error_names_the_option_that_was_given(option, value, capsys):
-    assert f"{option} = " in refusal(capsys, "info", SCENE, option, value)
+def test_an_error_names_the_option_that_was_given(capsys):
+    for option, value in (("--unit", "cm"), ("--class", "dog")):
+        assert f"{option} = " in refusal(capsys, "info", SCENE, option, value)
 
 
 @pytest.mark.parametrize("columns", ["time, id, x, y", "time=t,id=n,x=px,y=py"])

@@ -1,17 +1,14 @@
 """The cache of compiled loops: no file of it is stale, damage and lack of a folder are no errors."""
 
 import concurrent.futures
-import importlib
 import os
-import pkgutil
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import pedpred
-from pedpred.compiled import compiled, contents
+from pedpred.compiled import compiled
 from tests.conftest import ROOT
 from tests.forked import run_forked
 
@@ -192,9 +189,6 @@ def test_processes_that_compile_at_once_share_the_users_cache(before, tmp_path):
         assert not folder.stat().st_mode & 0o077
 
 
-LIMITS = np.array([1.0])
-
-
 def test_a_loop_that_reads_a_dict_or_method_is_refused():
     settings = {"limit": 1.0}
 
@@ -207,23 +201,3 @@ def test_a_loop_that_reads_a_dict_or_method_is_refused():
     for loop, name in ((reads_a_dict, "settings"), (reads_a_module, "Path")):
         with pytest.raises(TypeError, match=name):
             compiled(loop)()
-
-
-def test_a_loop_that_changes_in_a_process_is_not_cached(monkeypatch):
-    """The former one may be compiled into others by then."""
-
-    def reads_limits():
-        return LIMITS[0]
-
-    assert contents(reads_limits) is not None
-    monkeypatch.setitem(globals(), "LIMITS", np.array([2.0]))
-    assert contents(reads_limits) is None
-
-
-def test_every_loop_of_the_package_can_be_cached():
-    elsewhere = "__main__", "ros2.node"  # a command, and what needs a ROS
-    names = [one.name for one in pkgutil.walk_packages(pedpred.__path__, "pedpred.")]
-    modules = [importlib.import_module(name) for name in names if not name.endswith(elsewhere)]
-    loops = {value.py_func for one in modules for value in vars(one).values() if hasattr(value, "py_func")}
-    assert all(contents(loop) for loop in loops)
-    assert len(loops) > 50

@@ -14,7 +14,6 @@ from pedpred.errors import FetchError, ValueRuleError
 from pedpred.sources import mirrors
 from tests.conftest import ROOT, raw_folder
 from tests.raw_files import write_archive
-from tests.refused import refused
 
 CONTENT = {
     f"seq_{place}/{name}": f"{place} {name}\n".encode() * 500
@@ -80,12 +79,6 @@ def test_the_picture_is_optional(target, mirror):
     assert_fetched(target, NEEDED)
 
 
-def test_an_archive_may_be_a_file_address(target, tmp_path):
-    archive = write_archive(tmp_path / "a.tgz", content=CONTENT)
-    fetch(target, archives=[archive.as_uri()])
-    assert_fetched(target)
-
-
 class _Quiet(SimpleHTTPRequestHandler):
     def log_message(self, *args):
         pass
@@ -120,8 +113,6 @@ def test_files_may_have_other_names_in_an_archive(target, tmp_path):
     inside = {name: f"ewap_dataset/demo/{name.upper()}" for name in CONTENT}
     fetch(target, archives=[archive], inside=inside)
     assert_fetched(target)
-    with refused("inside"):
-        listed(inside={"b.txt": "c.txt"})
 
 
 def test_a_folder_may_hold_archives_as_downloaded(target, tmp_path):
@@ -144,12 +135,11 @@ def test_order_of_the_mirrors(tmp_path, monkeypatch):
     assert found[5:] == [f"{tmp_path}/a.tgz", "/project/a.tgz", "https://example.org/a.tgz"]
 
 
-@pytest.mark.parametrize("relative", [False, True])
-def test_one_folder_may_hold_several_data_sets(target, tmp_path, monkeypatch, relative):
+def test_one_folder_may_hold_several_data_sets(target, tmp_path, monkeypatch):
     write_mirror(tmp_path / "all/ewap")
     (tmp_path / "all/other").mkdir()
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PEDPRED_MIRROR", "all" if relative else str(tmp_path / "all"))
+    monkeypatch.setenv("PEDPRED_MIRROR", "all")
     fetch(target)
     assert_fetched(target)
 
@@ -157,17 +147,9 @@ def test_one_folder_may_hold_several_data_sets(target, tmp_path, monkeypatch, re
 # Damage
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda m: (m / "seq_eth/H.txt").unlink(),
-        lambda m: (m / "seq_eth/H.txt").write_bytes(CONTENT["seq_eth/H.txt"][:-1]),
-        lambda m: (m / "seq_hotel/reference.png").write_text("1"),
-        lambda m: m.rename(m.with_name("elsewhere")),
-    ],
-)
-def test_a_damaged_mirror_is_passed_over_with_a_warning(target, mirror, tmp_path, caplog, damage):
-    damage(mirror)
+@pytest.mark.parametrize("name", ["seq_eth/H.txt", "seq_hotel/reference.png"])
+def test_a_damaged_mirror_is_passed_over_with_a_warning(target, mirror, tmp_path, caplog, name):
+    (mirror / name).write_text("1")
     with caplog.at_level(logging.WARNING):
         fetch(target, [mirror, write_mirror(tmp_path / "second")])
     assert_fetched(target)
@@ -223,8 +205,8 @@ def test_what_is_complete_stays_and_what_is_damaged_is_replaced(target, mirror):
 # Safety
 
 
-@pytest.mark.parametrize("address", ["http://example.org/a.tgz", "ftp://example.org/a.tgz"])
-def test_an_address_without_https_is_refused(target, mirror, monkeypatch, address):
+def test_an_address_without_https_is_refused(target, mirror, monkeypatch):
+    address = "http://example.org/a.tgz"
     with pytest.raises(ValueRuleError):
         fetch(target, [mirror], [address])
     monkeypatch.setenv("PEDPRED_MIRROR", address)
@@ -279,14 +261,6 @@ def test_huge_members_and_endless_headers_are_refused(target, tmp_path):
     for members in (huge, headers):
         with pytest.raises(FetchError):
             fetch(target, archives=[write_archive(tmp_path / "a.tgz", members, CONTENT)])
-
-
-# Sums
-
-
-def test_a_damaged_sum_is_refused():
-    with refused("sha256sums"):
-        mirrors.Mirrors("ewap", (), (), 1.0, ("abc  a.txt",))
 
 
 @pytest.mark.parametrize("data_set", ["ewap", "juelich", "eth_ucy"])

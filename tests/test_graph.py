@@ -2,7 +2,7 @@
 
 import resource
 import threading
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 
 import numpy as np
 import onnx
@@ -26,14 +26,14 @@ def scalar(name, kind, value):
     return make.make_tensor(name, kind, [], [value])
 
 
-def loop(operator="Loop", **attributes):
+def loop():
     """A loop of a thousand million rounds, each of which adds 1 to a number."""
     flag = TensorProto.BOOL
     kinds = {"i": WHOLE, "go": flag, "v": FLOAT, "go_on": flag, "w": FLOAT}
     ends = [make.make_tensor_value_info(name, kind, []) for name, kind in kinds.items()]
     nodes = [make.make_node("Identity", ["go"], ["go_on"]), make.make_node("Add", ["v", "one"], ["w"])]
     body = make.make_graph(nodes, "body", ends[:3], ends[3:], [scalar("one", FLOAT, 1.0)])
-    return [make.make_node(operator, ["rounds", "yes", "zero"], ["extra"], body=body, **attributes)]
+    return [make.make_node("Loop", ["rounds", "yes", "zero"], ["extra"], body=body)]
 
 
 def squares(count, side):
@@ -60,7 +60,6 @@ ABSENT = TensorProto(dims=[10**9], data_type=FLOAT, name="w")
 MANY = [make.make_node("Identity", ["state"], [f"x{i}"]) for i in range(graph.MOST_NODES)]
 STRANGE = {
     "a loop": (loop(), LOOPS),
-    "a loop of another name": (loop("Add"), LOOPS),
     "foreign operators": (one("Add", "s", "s", domain="com.microsoft"), []),
     "a huge constant": (one("ConstantOfShape", "shape"), [numbers("shape", 10**10)]),
     "a huge expansion": (one("Expand", "state", "shape"), [numbers("shape", 10**6, 10**4, 1, 1)]),
@@ -134,13 +133,3 @@ def test_memory_that_grows_with_people_has_a_bound(model, tmp_path, little_memor
     with in_the_graph():
         robot.update(0.3, range(300), people)
     assert len(robot.update(0.6, range(3), people[:3]).track_id) >= 3
-
-
-def test_damaged_bytes_are_read_or_a_value_error(model):
-    raw = (model[0] / "network.onnx").read_bytes()[:3000]
-    rng = np.random.default_rng(0)
-    for _ in range(300):
-        at, value = rng.integers(len(raw)), rng.integers(256)
-        damaged = raw[:at] + bytes([value]) + raw[at + 1 :]
-        with suppress(ValueError):
-            graph.check_operators(damaged[: rng.integers(len(raw))])

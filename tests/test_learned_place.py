@@ -90,8 +90,6 @@ def test_without_trust_a_robot_takes_regions_and_keeps_trust(mixture, visited, t
         (("network_sha256",), "0" * 64),
         (("regions", "learned", 0, 0, 0), 1.5),
         (("trust", "compared", 0), -1.0),
-        (("trust", "products", 0, 0, 0, 1), 1e6),
-        (("local_errors", "number", 0), 0.5),
         (("local_errors", "square", 0, 0), -1.0),
         (("local_errors", "error", 0, 0), [1.0]),
     ],

@@ -32,11 +32,9 @@ SMALL = [
     *(f"methods.baselines.{m}.where=[]" for m in ("ca", "social_force")),
 ]
 WALKING = json.loads((ROOT / "reports/metrics/walking.json").read_text())["corridor_flow"]
-SHOWN_S = {"crossing": 8.0, "simulated_corner": 16.0}
-"""Seconds of these recordings that are enough to train, to test and to draw."""
+SHOWN_S = 8.0
+"""Seconds of the example that are enough to train, to test and to draw."""
 UNAVAILABLE = "no raw data of eth: the archive is down"
-ADDED = "+folds.real.trained={train: [real/crossing], test: []}"
-
 
 pytestmark = pytest.mark.slow
 
@@ -83,14 +81,6 @@ def report(project):
     run("report", project)
 
 
-@pytest.fixture
-def unpainted(monkeypatch):
-    """Pages of text; one test draws their pictures, which takes most of the time, and paints some."""
-    monkeypatch.setattr("pedpred.report.gallery.snapshot_figure", lambda *_: None)
-    monkeypatch.setattr("pedpred.report.document.write_png", lambda figure, path: None)
-    monkeypatch.setattr("stages.report.render_page", lambda contents: "")
-
-
 def rows():
     """The rows of conf/places and conf/folds that docs/places.md gives for the example."""
     page = (ROOT / "docs/places.md").read_text()
@@ -103,19 +93,18 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("made")
     for name in ("conf", "examples"):
         shutil.copytree(ROOT / name, folder / name)
-    for name, end_s in SHOWN_S.items():
-        tracks = pd.read_csv(file := folder / "examples" / name / "tracks.csv")
-        tracks[tracks["time"] <= end_s].to_csv(file, index=False)
+    tracks = pd.read_csv(file := folder / "examples/crossing/tracks.csv")
+    tracks[tracks["time"] <= SHOWN_S].to_csv(file, index=False)
     shutil.copy(ROOT / "dvc.yaml", folder)
     for name, row in zip(("places/recorded.yaml", "folds/leave_one_out.yaml"), rows(), strict=True):
         with (folder / "conf" / name).open("a") as file:
             file.write(row)
-    text = config.composed(folder / "conf", [*SMALL, ADDED])
+    text = config.composed(folder / "conf", SMALL)
     (folder / "params.yaml").write_text(text)
     write_shared(config.read_params(folder), folder)
     params = yaml.load(text, yaml.CSafeLoader)
-    own = {"crossing", "trained"}  # the raw data of other places are not part of this
-    params["folds"]["real"] = {k: fold for k, fold in params["folds"]["real"].items() if k in own}
+    own = {"crossing": params["folds"]["real"]["crossing"]}  # raw data of other places are not part of this
+    params["folds"]["real"] = own
     torch.manual_seed(0)
     write_autoencoder(folder / "models/autoencoder")
     for name, method in params["methods"]["networks"].items():
@@ -141,37 +130,44 @@ def project(made, tmp_path, monkeypatch):
     return copy.deepcopy(made[1])
 
 
-@pytest.fixture(scope="module")
-def brought(made, tmp_path_factory):
-    """What stages write that bring the example as far as training."""
-    folder = tmp_path_factory.mktemp("brought")
-    shutil.copytree(made[0], folder, dirs_exist_ok=True)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        patch.setenv("PEDPRED_JOBS", "1")
-        bring(copy.deepcopy(made[1]), "crossing")
-    return folder / "data"
+def missing(project, place):
+    """Note that nobody has a place's raw files, and bring the place as far as training."""
+    note = Path(project["places"][place]["folder"], "UNAVAILABLE.txt")
+    note.parent.mkdir(parents=True)
+    note.write_text(f"{UNAVAILABLE}\nTried was nothing.\n")
+    bring(project, place)
 
 
-@pytest.fixture
-def crossing(project, brought):
-    """The project, in which the example has been brought as far as training."""
-    shutil.copytree(brought, "data", dirs_exist_ok=True)
-    return project
-
-
-def test_own_place_flows_from_tracks_to_the_page(crossing, monkeypatch):
+def test_own_place_flows_from_tracks_to_the_page(project, monkeypatch):
     """Every picture is composed, but only those of the page are painted, which takes most of the time."""
     monkeypatch.setattr("pedpred.report.document.write_png", lambda figure, path: None)
-    project = crossing
     assert config.declared(Path(), "ingest@crossing", []).places.crossing.source == "scene_folder"
-    run("train", project, name="lstm_folds", network="lstm", fold="trained")
-    assert Path("models/lstm_folds/lstm/trained/weights.safetensors").exists()
-    curve = pd.read_csv("reports/curves/real/lstm_folds/finetune_trained_lstm.tsv", sep="\t")
+    bring(project, "crossing")
+    missing(project, "eth")
+    trained = {"other": ["crossing"], "missing": ["eth"], "both": ["eth", "crossing"]}
+    tested = project["folds"]["real"]
+    project["folds"] = {
+        "real": tested
+        | {
+            name: {"train": [f"real/{place}" for place in places], "test": []}
+            for name, places in trained.items()
+        }
+    }
+    run("train", project, name="lstm_folds", network="lstm")
+    curve = pd.read_csv("reports/curves/real/lstm_folds/finetune_other_lstm.tsv", sep="\t")
     assert curve["validation_ade_m"].notna().all()
+    before, other, without, both = (
+        Path("models", folder, "weights.safetensors").read_bytes()
+        for folder in ("lstm_main/lstm", *(f"lstm_folds/lstm/{fold}" for fold in trained))
+    )
+    assert without == before
+    assert both == other != before
+    project["folds"] = {"real": tested}
     run("train", project, name="lstm_folds", fold="crossing")
-    del project["folds"]["real"]["trained"]
-    project["folds"] = {"real": project["folds"]["real"]}
+    with pytest.raises(InputError) as refused:
+        run("gather", project, name="real")
+    assert refused.value.where == "scores"
+    assert not Path("reports/metrics").exists()  # figures stay while nothing is evaluated
     evaluate(project)
     run("gather", project, name="real")
     figures = json.loads(Path("reports/metrics/real.json").read_text())
@@ -183,39 +179,11 @@ def test_own_place_flows_from_tracks_to_the_page(crossing, monkeypatch):
     assert json.loads(Path("reports/ade/real.json").read_text())["crossing"]
 
 
-def test_figures_stay_while_nothing_is_evaluated(project):
-    for stage, arguments in (("gather", {"name": "real"}), ("eth_ucy_gather", {"study": "literature"})):
-        with pytest.raises(InputError) as refused:
-            run(stage, project, **arguments)
-        assert refused.value.where == "scores"
-    assert not Path("reports/metrics").exists()
-
-
-def missing(project, place):
-    """Note that nobody has a place's raw files, and bring the place as far as training."""
-    note = Path(project["places"][place]["folder"], "UNAVAILABLE.txt")
-    note.parent.mkdir(parents=True)
-    note.write_text(f"{UNAVAILABLE}\nTried was nothing.\n")
-    bring(project, place)
-
-
-def test_training_goes_without_a_missing_place(crossing):
-    missing(crossing, "eth")
-    trained = {"other": ["crossing"], "missing": ["eth"], "both": ["eth", "crossing"]}
-    crossing["folds"]["real"] = {
-        name: {"train": [f"real/{place}" for place in places], "test": []} for name, places in trained.items()
-    }
-    run("train", crossing, name="lstm_folds", network="lstm")
-    before, other, without, both = (
-        Path("models", folder, "weights.safetensors").read_bytes()
-        for folder in ("lstm_main/lstm", *(f"lstm_folds/lstm/{fold}" for fold in trained))
-    )
-    assert without == before
-    assert both == other != before
-
-
-@pytest.mark.usefixtures("unpainted")
-def test_a_missing_place_is_in_no_result(project):
+def test_a_missing_place_is_in_no_result(project, monkeypatch):
+    """Pages are of text here; the test of the flow draws their pictures, which takes most of the time."""
+    monkeypatch.setattr("pedpred.report.gallery.snapshot_figure", lambda *_: None)
+    monkeypatch.setattr("pedpred.report.document.write_png", lambda figure, path: None)
+    monkeypatch.setattr("stages.report.render_page", lambda contents: "")
     missing(project, "eth")
     scene = read_scene(Path("data/scenes/real/eth"))
     assert (scene.unavailable, len(scene.trajectories)) == (UNAVAILABLE, 0)
@@ -237,32 +205,3 @@ def test_a_missing_place_is_in_no_result(project):
     assert Path("data/recordings/eth.mcap").read_bytes().startswith(b"\x89MCAP")
     with Image.open("reports/walking/eth.gif") as picture:
         assert picture.n_frames == 1
-
-
-@pytest.mark.usefixtures("unpainted")
-def test_stand_in_flows_from_the_example_to_the_pages(project):
-    text = config.composed(Path("conf"), [*SMALL, "stand_in=simulated_corner"])
-    project, place = yaml.load(text, yaml.CSafeLoader), "simulated_corner"
-    missing(project, "eth")
-    project["folds"] = {
-        "transfer": {"simulation": {"test": ["real/eth"]}},
-        "real": {"stand_in": project["folds"]["real"]["stand_in"]},
-    }
-    bring(project, place)
-    for name, row in project["methods"]["networks"].items():
-        kind = row["settings"]["architecture"]
-        shutil.copytree(f"models/{kind}_main/{name}", f"models/{kind}_folds/{name}/stand_in")
-    evaluate(project)
-    for study in ("transfer", "real"):
-        run("gather", project, name=study)
-    report(project)
-    for name in ("real", "report"):
-        page = Path(f"reports/{name}.md").read_text()
-        assert "# Simulated people in place of recordings" in page
-        assert f"| eth | {UNAVAILABLE} |" in page
-        assert "Real" not in page
-        assert "fine-tuned" not in page
-    assert json.loads(Path("reports/metrics/real.json").read_text()).keys() == {place}
-    run("record", project, scene=f"real/{place}", networks="stand_in")
-    with Image.open(f"reports/walking/{place}.gif") as picture:
-        assert picture.n_frames > 1

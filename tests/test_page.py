@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 
 from pedpred.models.lstm.autoencoder import GridAutoencoder
-from pedpred.models.lstm.features.grids import angular_grids, occupancy_crops
-from pedpred.report.crops import grid_image
 from pedpred.report.gallery import draw_gallery
 from pedpred.report.gather import Evaluated
 from pedpred.report.page.build import Contents, render_page
@@ -35,23 +33,14 @@ FOLDS = [
 
 @pytest.fixture(scope="module")
 def hall():
-    """Boxes and people among them, forecasts (one method's have two modes), and inputs."""
-    rng = np.random.default_rng(5)
-    boxes = np.kron(rng.random((40, 40)) < 0.1, np.ones((5, 5), bool))
+    """Boxes and people among them, and forecasts; one method's have two modes."""
+    boxes = np.kron(np.random.default_rng(5).random((40, 40)) < 0.1, np.ones((5, 5), bool))
     scene = dataclasses.replace(room(), occupancy=OccupancyMap(boxes, np.zeros(2), 0.1))
     windows = planned(scene, planted_s=0.6)
-    heading_rad, rows = rng.uniform(-np.pi, np.pi, len(windows)), len(windows)
     point = windows.predictions["kalman_cv"].point
     modes = np.stack([point + np.array([0.0, 0.5]), point - np.array([0.3, 0.5])], axis=1)
-    several = Predictions(point, modes, np.tile([0.7, 0.3], (rows, 1)), windows.dt_s)
-    seen = scene.trajectories
-    span = [np.searchsorted(seen.time_s, windows.time_s + slack) for slack in (-1e-6, 1e-6)]
-    others = (seen.position, seen.track_id, windows.track_id, np.stack(span, axis=1))
-    near = angular_grids(windows.position, heading_rad, *others, 72, 6.0).astype(np.float32)
-    own = {"heading_rad": heading_rad, "angular_grid_m": near}
-    own["packed_grid"] = occupancy_crops(scene.occupancy, windows.position, heading_rad, 60, 0.1)
-    own["predictions"] = windows.predictions | {"kalman_cv": several}
-    return scene, dataclasses.replace(windows, **own)
+    several = Predictions(point, modes, np.tile([0.7, 0.3], (len(windows), 1)), windows.dt_s)
+    return scene, dataclasses.replace(windows, predictions=windows.predictions | {"kalman_cv": several})
 
 
 @pytest.fixture(scope="module")
@@ -143,19 +132,11 @@ def test_page_is_the_same_twice_and_needs_nothing_else(contents, text):
 # In a browser
 
 
-@pytest.fixture(scope="module")
-def file(text, tmp_path_factory):
-    path = tmp_path_factory.mktemp("page") / "index.html"
-    path.write_text(text)
-    return path
-
-
 class Visit:
     """The page in a window without network; whatever goes wrong is collected."""
 
-    def __init__(self, browser, file, width, scheme):
-        size = {"width": width, "height": 900}
-        self.context = browser.new_context(viewport=size, color_scheme=scheme, offline=True)
+    def __init__(self, browser, file):
+        self.context = browser.new_context(viewport={"width": 1280, "height": 900}, offline=True)
         self.page, self.problems = self.context.new_page(), []
         self.page.on("console", lambda said: self.problems.append(said.text))
         self.page.on("pageerror", lambda error: self.problems.append(str(error)))
@@ -177,21 +158,12 @@ class Visit:
 
 
 @pytest.fixture
-def visit(request, browser, file):
-    """The page at a width and in a colour scheme."""
-    visited = Visit(browser, file, *getattr(request, "param", (1280, "light")))
+def visit(browser, text, tmp_path):
+    (tmp_path / "index.html").write_text(text)
+    visited = Visit(browser, tmp_path / "index.html")
     yield visited
     assert visited.problems == []
     visited.context.close()
-
-
-@pytest.mark.parametrize("visit", [(1280, "light"), (390, "dark")], indirect=True)
-def test_page_fits_its_window_and_colour_scheme(visit, request):
-    over = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
-    assert visit.page.evaluate(over) <= 0
-    colours = "[getComputedStyle(document.body).backgroundColor, getComputedStyle(document.body).color]"
-    paper, ink = (sum(map(int, re.findall(r"\d+", c)[:3])) for c in visit.page.evaluate(colours))
-    assert (paper > ink) == ("light" in request.node.callspec.params["visit"])
 
 
 def test_player_plays_scrubs_and_changes_scene(visit):
@@ -223,19 +195,6 @@ def test_player_holds_forecasts_to_half_a_centimetre(visit, hall):
     found = visit.decoded("rows.map((row) => replay.modesOf('kalman_cv', row).map((mode) => mode.points))")
     modes = windows.predictions["kalman_cv"].path[order]
     np.testing.assert_allclose(np.array(found)[:, :, 1:], modes, atol=0.0251)
-
-
-def test_player_shows_the_inputs_of_the_network(visit, hall):
-    _, windows = hall
-    order = np.lexsort((windows.time_s, windows.track_id))
-    picture = "replay.gridPicture(row, replay.mapPicture('#000')).getContext('2d').getImageData(0, 0, 60, 60)"
-    alpha = np.array(visit.decoded(f"rows.map((row) => Array.from({picture}.data))")).reshape(-1, 60, 60, 4)
-    grids = np.array([grid_image(windows.grid(row)) for row in order])
-    assert ((alpha[..., 3] > 127) != grids).mean() < 2e-3
-    cones = np.array(visit.decoded("rows.map((row) => replay.cones(row))"))
-    same = np.isclose(cones, windows.angular_grid_m[order], atol=0.002)
-    assert same.mean() > 0.998  # a person on the edge of a cone may be in the next one
-    assert (cones < 6.0).sum() > len(windows)
 
 
 def test_click_picks_the_person_there_with_its_errors(visit, hall):

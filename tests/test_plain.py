@@ -8,10 +8,11 @@ import pytest
 import yaml
 
 from pedpred.command.prediction import read_tracker
-from pedpred.errors import ConfigError, InputError, PedpredError, ValueRuleError, brief
+from pedpred.errors import ConfigError, InputError, PedpredError, ValueRuleError
 from pedpred.files import read_json
 from pedpred.plain import parse_json, parse_yaml
 from pedpred.storage.scenes import read_map, write_scene
+from tests.refused import unread
 from tests.trust.examples import TRACKER, place
 
 LONGEST = 2500  # characters of a message
@@ -88,37 +89,18 @@ def test_a_key_that_is_there_twice_is_named(parse, text):
         parse(text)
 
 
-@pytest.mark.parametrize(
-    "text",
-    ['{"a": NaN}', '{"a": -Infinity}', '{"a": 1, "a": 2}', '{"a": ' + "9" * 10_000 + "}", '{"a":' * 9_000],
-    ids=["no number", "without end", "twice", "huge number", "deep"],
-)
-def test_json_outside_the_standard_is_refused_by_file(text, tmp_path):
-    path = tmp_path / "x.json"
-    path.write_text(text)
-    with pytest.raises(InputError) as error:
-        read_json(path, partial(InputError, path, "file"))
-    assert error.value.path == path
-    assert len(str(error.value)) < LONGEST
+def test_json_outside_the_standard_is_refused_by_file(tmp_path):
+    path, deep = tmp_path / "x.json", '{"a":' * 9_000
+    for text in ('{"a": NaN}', '{"a": -Infinity}', '{"a": ' + "9" * 10_000 + "}", deep):
+        path.write_text(text)
+        with unread(path):
+            read_json(path, partial(InputError, path, "file"))
 
 
 # Messages
 
 
-def test_a_short_value_is_shown_as_python_writes_it():
-    values = [None, True, -3, 2.5, "a'b", b"x", (), (1,), (1, 2), [], [[1], {}], {}, {"a": [1, "b"]}]
-    values += [set(), {1}, frozenset(), frozenset({1}), {1: (2, 3), "b": {"c": None}}]
-    assert [brief(value) for value in values] == [repr(value) for value in values]
-
-
-@pytest.mark.parametrize(
-    "value",
-    [
-        dict.fromkeys(range(10**6)),
-        (("x" * 1000,) * 1000,) * 1000,
-    ],
-    ids=lambda value: type(value).__name__,
-)
-@pytest.mark.parametrize("error", [ValueRuleError, ConfigError])
-def test_a_message_is_short_whatever_the_value(value, error):
-    assert len(str(error("field", value, "it must be less"))) < 600
+def test_a_message_is_short_whatever_the_value():
+    for value in (dict.fromkeys(range(10**6)), (("x" * 1000,) * 1000,) * 1000):
+        for error in (ValueRuleError, ConfigError):
+            assert len(str(error("field", value, "it must be less"))) < 600

@@ -30,11 +30,13 @@ from tests.following import people as people_bytes
 from tests.following import transform as pose
 from tests.following import transforms as transforms_bytes
 from tests.robots import CAMERA, ODOM, SPEED, STANDING, WALKING, from_camera, robot
-from tests.ros_place import CLOUD, LIMIT_S, PYTHON, Place
+from tests.ros_place import CLOUD, LIMIT_S, NODE, PYTHON, Place
 
 pytestmark = with_ros
 AGENTS = "pedsim_msgs/msg/AgentStates"
 CLOCK = "rosgraph_msgs/msg/Clock"
+PEOPLE = "/people", PEOPLE_TYPE, "rv"
+ANSWERS = ("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")
 COMPILING_S = 600
 _domains = count(20 + 30 * int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]))
 
@@ -157,11 +159,9 @@ def test_a_latched_map_of_before_is_used_and_updates_change_it(place):
     update = {"header": header(0), "x": 3, "width": 3, "height": 60, "data": np.full(180, 100, np.int8)}
     send = [(k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(25)]
     send.append((2.5, 1, serialize(UPDATE_TYPE, update).hex()))
-    publish = [("/people", PEOPLE_TYPE, "rv"), ("/map_updates", UPDATE_TYPE, "rv")]
-    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
+    publish, until = [PEOPLE, ("/map_updates", UPDATE_TYPE, "rv")], {"/predictions": 25, "/diagnostics": 5}
     with place.node(ready="map of "):
-        until = {"/predictions": 25, "/diagnostics": 5}
-        received = place.exchange(publish, (0, people(60.0)), send, record, until)
+        received = place.exchange(publish, (0, people(60.0)), send, ANSWERS, until)
     statuses = [status for message in received["/diagnostics"] for status in message.status]
     assert {(status.level, status.message) for status in statuses} & {(0, "forecasts with map")}
     maps = [pair.value for status in statuses for pair in status.values if pair.key == "map"]
@@ -169,37 +169,24 @@ def test_a_latched_map_of_before_is_used_and_updates_change_it(place):
     assert maps[-1] == "100 x 60 cells, 6.0 % blocked"
 
 
-def test_publishers_of_other_qos_are_warned_about(place):
+def test_other_qos_and_another_node_are_warned_about(place):
     """Transforms are best effort, fixed ones volatile; one of the map's two subscriptions hears it."""
-    deaf = [
-        ("/tf", TF, "bv"),
-        ("/tf_static", TF, "rv"),
-        ("/map", GRID, "bv"),
-        ("/map_updates", UPDATE_TYPE, "bv"),
-    ]
+    other = place.folder / "other.txt"
+    place.start((*NODE, "--ros-args", "-p", "use_map:=false"), other)
+    place.wait(lambda: "forecasting people" in other.read_text(), "another node", other)
+    deaf = [("/tf", TF, "bv"), ("/tf_static", TF, "rv")]
+    deaf += [("/map", GRID, "bv"), ("/map_updates", UPDATE_TYPE, "bv")]
     place.peer(publish=deaf, send=[], done="never")
-    publish = [("/people", PEOPLE_TYPE, "bv")]
     send = [(k / 10, 0, people(100.0 + k / 10, ada=(0.0, 0.0))) for k in range(5)]
-    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
-    with place.node("-p", "use_sim_time:=true", "-p", "occupancy_cell_m:=0.1") as log:
-        until = {"/predictions": 5, "/diagnostics": 2}
-        received = place.exchange(publish, (0, people(60.0)), send, record, until)
+    with place.node("-p", "use_sim_time:=true") as log:
+        received = place.exchange([PEOPLE], (0, people(60.0)), send, ANSWERS, {"/diagnostics": 6})
         place.wait(lambda: log.read_text().count("offering incompatible QoS") > 2, "warnings", log)
     lines = [line for line in log.read_text().splitlines() if "offering incompatible QoS" in line]
     topics = {"/" + line.partition("topic '")[2].partition("'")[0].lstrip("/") for line in lines}
     assert topics == {"/tf", "/tf_static", "/map_updates"}
-    assert "use_sim_time" in received["/diagnostics"][-1].status[0].message
-
-
-def test_another_node_on_the_same_topics_is_warned_about(place):
-    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
-    arguments = "-p", "use_map:=false"
-    place.start((PYTHON, "-m", "pedpred.ros2", "--ros-args", *arguments), place.folder / "other.txt")
-    place.wait(lambda: "forecasting people" in (place.folder / "other.txt").read_text(), "another node")
-    with place.node(*arguments):
-        publish, send = [("/people", PEOPLE_TYPE, "rv")], [(1.0, 0, people(100.0, ada=(0.0, 0.0)))]
-        received = place.exchange(publish, (0, people(60.0)), send, record, {"/diagnostics": 4})
-    assert all("another node publishes" in one.status[0].message for one in received["/diagnostics"][2:])
+    texts = [one.status[0].message for one in received["/diagnostics"]]
+    assert any("use_sim_time" in text for text in texts)
+    assert any("another node publishes" in text for text in texts)
 
 
 def test_no_message_ends_or_stalls_the_node(place):
@@ -213,11 +200,10 @@ def test_no_message_ends_or_stalls_the_node(place):
     odd.append((0, people(70.0, **{"9" * 5000: (1e8, -1e8)})))
     send = [(0.3 * k, *one) for k in range(10) for one in odd]
     send += [(3.0 + k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(20)]
-    publish = [("/people", PEOPLE_TYPE, "rv"), ("/map", GRID, "rv"), ("/tf", TF, "rv")]
-    record = [("/predictions", CLOUD, "rv"), ("/diagnostics", DIAGNOSTICS_TYPE, "rv")]
+    publish = [PEOPLE, ("/map", GRID, "rv"), ("/tf", TF, "rv")]
     with place.node() as log:
         until = {"/predictions": 20, "/diagnostics": 6}
-        received = place.exchange(publish, (0, people(20.0)), send, record, until)
+        received = place.exchange(publish, (0, people(20.0)), send, ANSWERS, until)
     assert [rows_of(cloud)["x"].size > 0 for cloud in received["/predictions"]] == [True] * 20
     lines = [line for line in log.read_text().splitlines() if "left out" in line]
     for text in ("most_people", "people_msgs/msg/People", "'a'"):
@@ -227,21 +213,15 @@ def test_no_message_ends_or_stalls_the_node(place):
     assert int(table["left out: people without a forecast"]) > 0
 
 
-def test_the_node_ends_well_in_the_middle_of_its_work(place):
-    """Many times, since what it does when the signal comes is left to chance."""
+def test_the_node_ends_well_at_any_moment(place):
+    """Many times, at work and while it starts, since what it does when the signal comes is left to chance."""
     crowd = people(100.0, **{str(k): (k % 20, k // 20) for k in range(200)})
     never = {name: str(place.folder / "never") for name in ("ready", "done")}
-    place.peer(publish=[("/people", PEOPLE_TYPE, "rv")], probe=[], beat=(0, crowd), send=[], **never)
-    for k in range(6):
-        with place.node("-p", "use_map:=false", number=(signal.SIGTERM, signal.SIGINT)[k % 2]):
-            time.sleep(1.0 + k / 60)
-
-
-def test_the_node_ends_well_while_it_starts(place):
-    for k in range(6):
-        number = (signal.SIGTERM, signal.SIGINT)[k % 2]
-        with place.node("-p", "use_map:=false", ready="compiling what", number=number):
-            time.sleep(0.3 * k)
+    place.peer(publish=[PEOPLE], probe=[], beat=(0, crowd), send=[], **never)
+    for k in range(12):
+        ready, wait_s = ("compiling what", 0.3 * k) if k < 6 else ("forecasting people", 1.0 + k / 60)
+        with place.node("-p", "use_map:=false", ready=ready, number=(signal.SIGTERM, signal.SIGINT)[k % 2]):
+            time.sleep(wait_s)
 
 
 def test_a_manager_starts_the_node(place):
@@ -255,15 +235,14 @@ def test_a_manager_starts_the_node(place):
     walk = [(k / 10, 0, agents(k)) for k in range(5)]
     arguments = ["-p", f"people_type:={AGENTS}", "-p", "autostart:=false", "-p", "use_map:=false"]
     arguments += ["--log-level", "pedpred:=debug"]
-    asked = ["activate", "configure", "cleanup", "deactivate", "configure", "configure", "activate"]
-    asked += ["cleanup", "activate", "deactivate", "activate"]
-    possible = [False, True, True, False, True, False, True, False, False, True, True]
-    manager, out, peer_log = place.peer(transitions=asked, node="/pedpred")
+    asked = [("activate", False), ("configure", True), ("cleanup", True), ("configure", True)]
+    asked += [("activate", True), ("cleanup", False), ("deactivate", True), ("activate", True)]
+    manager, out, peer_log = place.peer(transitions=[label for label, _ in asked], node="/pedpred")
     with place.node(*arguments) as log:
         assert manager.wait(2 * LIMIT_S) == 0, peer_log.read_text()
-        assert out.read_text().splitlines() == [f"{a} {b}" for a, b in zip(asked, possible, strict=True)]
-        publish, record = [("/people", AGENTS, "rv")], [("/predictions", CLOUD, "rv")]
-        received = place.exchange(publish, (0, agents()), walk, record, {"/predictions": 5})
+        assert out.read_text().splitlines() == [f"{label} {is_done}" for label, is_done in asked]
+        publish = [("/people", AGENTS, "rv")]
+        received = place.exchange(publish, (0, agents()), walk, ANSWERS[:1], {"/predictions": 5})
     assert all(set(rows_of(cloud)["track_id"]) == {5} for cloud in received["/predictions"])
     assert "forecasting people of /people" in log.read_text()
 
@@ -287,12 +266,11 @@ def test_what_colcon_installs_starts_the_node(place):
     place.peer(publish=[("/map", GRID, "rt")], send=[(0.0, 0, room())], sent=str(sent), done="never")
     place.wait(sent.exists, "a published map")
     command = (PYTHON, installed / "lib/pedpred_ros/pedpred")
-    publish, record = [("/people", PEOPLE_TYPE, "rv")], [("/predicted_occupancy/horizon", GRID, "rt")]
-    record.append(("/predictions", CLOUD, "rv"))
+    record = [("/predicted_occupancy/horizon", GRID, "rt"), ANSWERS[0]]
     walk = [(k / 10, 0, people(100.0 + k / 10, ada=(k / 10, 0.0))) for k in range(5)]
     with place.node(*arguments, command=command, ready="map of "):
         until = {"/predictions": 5, "/predicted_occupancy/horizon": 1}
-        received = place.exchange(publish, (0, people(60.0)), walk, record, until)
+        received = place.exchange([PEOPLE], (0, people(60.0)), walk, record, until)
     side_m = received["/predicted_occupancy/horizon"][-1].info.resolution
     assert side_m == pytest.approx(0.1)  # the parameter of the file: otherwise there is no grid
 
@@ -302,7 +280,6 @@ def test_what_colcon_installs_starts_the_node(place):
     [
         (("-r", "map:=/local_costmap/costmap"), "use_map"),
         (("-p", "people_type:=spencer_tracking_msgs/msg/TrackedPersons"), "apt install"),
-        (("-p", "identities:=guessed"), "identities"),
         (("-p", "use_map:=maybe"), "use_map"),
         (("--params-file", "missing.yaml"), "missing.yaml"),
         (("-p", "occupancy_cell:=0.1", "-p", "use_map:=1"), "occupancy_cell"),
@@ -310,8 +287,7 @@ def test_what_colcon_installs_starts_the_node(place):
     ],
 )
 def test_a_start_that_cannot_succeed_names_the_argument(place, arguments, named):
-    command = [PYTHON, "-m", "pedpred.ros2", "--ros-args", *arguments]
-    done = place.run(command)
+    done = place.run([*NODE, "--ros-args", *arguments])
     assert done.returncode == 1
     assert named in done.stdout + done.stderr
 

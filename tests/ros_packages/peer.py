@@ -1,25 +1,23 @@
-"""A process that publishes and records raw messages: `python peer.py PLAN`, a JSON file.
+"""A process that publishes, records raw messages or manages a node: `python peer.py PLAN`, a JSON file.
 
 A publisher: {"publish": [[topic, type, qos]], "probe": [[index of publisher, hex]],
     "beat": [index, hex], "send": [[time_s, index, hex]], "limit_s": number, "ready": file,
     "sent": file, "done": file}
 Where the plan has `ready`, it waits until somebody listens to each topic, then sends the probes and the beat
 again and again until the file is there, the beat each time with a later stamp, so that it is answered each
-time; times of `send` count from then on. It makes the file `sent` when all is sent, if the plan has it, and
+time; times of `send` count from then on. It makes the file `sent`, if the plan has it, when all is sent, and
 stays until the file `done` is there: what is on its way may be lost with its sender.
 
 A recorder: {"record": [[topic, type, qos]], "until": {topic: count}, "out": file, "limit_s": number,
     "answers": [topic], "since_s": number, "ready": file, "done": file}
-It makes the file `ready` when an answer to the beat has come on each of the topics in `answers`: then all
-that lies between sender and recorder is connected. Lines of `out` are what comes afterwards: topic, seconds
-of the monotonic clock, hex; answers with an earlier stamp than `since_s` are left out: they are to the beat.
-It ends after so many messages, or with an error when none of them has come for `limit_s`, and then makes the
-file `done`.
+It makes the file `ready` when an answer to the beat has come on each of the topics in `answers`: then all is
+connected. Lines of `out` are what comes afterwards: topic, seconds of the monotonic clock, hex; answers with
+an earlier stamp than `since_s` are to the beat and left out. It ends after so many messages, or with an error
+when none of them has come for `limit_s`, and then makes the file `done`.
 
 A manager: {"transitions": [label], "node": name, "out": file, "limit_s": number}
 
-A qos is two letters: r(eliable) or b(est effort), v(olatile) or t(ransient local). Every wait ends after
-`limit_s`, with an error that says what is missing.
+A qos is two letters: r(eliable) or b(est effort), v(olatile) or t(ransient local).
 """
 
 import importlib
@@ -27,6 +25,7 @@ import json
 import struct
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 
 import rclpy
@@ -48,12 +47,12 @@ def class_of(kind):
     return getattr(importlib.import_module(f"{package}.msg"), name)
 
 
-def spin_until(node, limit_s, lacking, each_tick=lambda: None):
-    """Handle messages until nothing is lacking; `lacking` says what is, in words."""
+def until(node, limit_s, is_there, what, each_tick=lambda: None):
+    """Handle messages until something is there."""
     end_s = time.monotonic() + limit_s
-    while text := lacking():
+    while not is_there():
         if time.monotonic() > end_s:
-            raise SystemExit(f"waited {limit_s} s for {text}")
+            raise SystemExit(f"waited {limit_s} s for {what}")
         each_tick()
         rclpy.spin_once(node, timeout_sec=TICK_S)
 
@@ -70,21 +69,12 @@ def later(raw, by_ns):
     return bytes(changed)
 
 
-def lacks_file(path, what):
-    return "" if path.exists() else what
-
-
 def publish(node, plan):
     sinks = [
         node.create_publisher(class_of(kind), topic, qos_of(qos)) for topic, kind, qos in plan["publish"]
     ]
     limit_s = plan["limit_s"]
     if "ready" in plan:
-
-        def unheard():
-            topics = [sink.topic_name for sink in sinks if not sink.get_subscription_count()]
-            return f"a subscriber of {', '.join(topics)}" if topics else ""
-
         sent_s, count, (beating, beat) = -PROBE_S, 0, plan["beat"]
 
         def probe():
@@ -95,9 +85,10 @@ def publish(node, plan):
                     sinks[index].publish(bytes.fromhex(text))
                 sinks[beating].publish(later(bytes.fromhex(beat), count * LATER_NS))
 
-        spin_until(node, limit_s, unheard)
-        ready = Path(plan["ready"])
-        spin_until(node, limit_s, lambda: lacks_file(ready, "the recorder to hear all probes"), probe)
+        topics = " ".join(topic for topic, _, _ in plan["publish"])
+        heard = lambda: all(sink.get_subscription_count() for sink in sinks)  # noqa: E731
+        until(node, limit_s, heard, f"subscribers of {topics}")
+        until(node, limit_s, Path(plan["ready"]).exists, "the recorder to hear all probes", probe)
     begun_s = time.monotonic()
     for at_s, index, text in plan["send"]:
         while (left_s := begun_s + at_s - time.monotonic()) > 0:
@@ -105,12 +96,11 @@ def publish(node, plan):
         sinks[index].publish(bytes.fromhex(text))
     if "sent" in plan:
         Path(plan["sent"]).touch()
-    done = Path(plan["done"])
-    spin_until(node, 2 * limit_s, lambda: lacks_file(done, "the recorder to end"))
+    until(node, 2 * limit_s, Path(plan["done"]).exists, "the recorder to end")
 
 
 def record(node, plan):
-    answered, counts, heard_s = set(), {}, {}
+    answered, counts, heard_s = set(), Counter(), {}
     ready, limit_s = Path(plan["ready"]), plan["limit_s"]
     with Path(plan["out"]).open("w") as out:
 
@@ -119,20 +109,20 @@ def record(node, plan):
             if topic in plan["answers"] and stamp_ns(raw) < plan["since_s"] * 10**9:
                 answered.add(topic)
             elif ready.exists():
-                counts[topic] = counts.get(topic, 0) + 1
+                counts[topic] += 1
                 out.write(f"{topic} {time.monotonic()} {raw.hex()}\n")
 
         for topic, kind, qos in plan["record"]:
             node.create_subscription(
                 class_of(kind), topic, lambda raw, topic=topic: note(topic, raw), qos_of(qos), raw=True
             )
-        spin_until(node, 2 * limit_s, lambda: " ".join(set(plan["answers"]) - answered))
+        until(node, 2 * limit_s, lambda: answered >= set(plan["answers"]), f"answers on {plan['answers']}")
         ready.touch()
         for topic, count in plan["until"].items():
             heard_s[topic] = time.monotonic()
-            while counts.get(topic, 0) < count:
+            while counts[topic] < count:
                 if time.monotonic() - heard_s[topic] > limit_s:
-                    heard = f"{counts.get(topic, 0)} of {count} messages on {topic}"
+                    heard = f"{counts[topic]} of {count} messages on {topic}"
                     raise SystemExit(f"heard {heard}, and none for {limit_s} s")
                 rclpy.spin_once(node, timeout_sec=TICK_S)
 
@@ -145,21 +135,14 @@ def manage(node, plan):
     client = node.create_client(ChangeState, service)
     if not client.wait_for_service(plan["limit_s"]):
         raise SystemExit(f"waited {plan['limit_s']} s for the service {service}")
+    numbers = {"configure": 1, "activate": 3, "deactivate": 4, "cleanup": 2}
     with Path(plan["out"]).open("w") as out:
         for label in plan["transitions"]:
-            out.write(f"{label} {changed(node, client, label, plan['limit_s'])}\n")
-
-
-def changed(node, client, label, limit_s):
-    """Ask for one transition; whether it succeeded."""
-    from lifecycle_msgs.srv import ChangeState
-
-    asked = ChangeState.Request()
-    asked.transition.label = label
-    asked.transition.id = {"configure": 1, "activate": 3, "deactivate": 4, "cleanup": 2}[label]
-    answer = client.call_async(asked)
-    spin_until(node, limit_s, lambda: "" if answer.done() else f"an answer to {label}")
-    return answer.result().success
+            asked = ChangeState.Request()
+            asked.transition.label, asked.transition.id = label, numbers[label]
+            answer = client.call_async(asked)
+            until(node, plan["limit_s"], answer.done, f"an answer to {label}")
+            out.write(f"{label} {answer.result().success}\n")
 
 
 def main():

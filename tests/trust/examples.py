@@ -11,54 +11,39 @@ import pandas as pd
 import torch
 import zstandard
 from mcap.writer import CompressionType
-from omegaconf import OmegaConf
 from PIL import Image
 
-from pedpred import config
 from pedpred.command.forecast_tables import COLUMNS
 from pedpred.command.foreign import read_forecasts
-from pedpred.evaluation.forecasts import write_windows
-from pedpred.features import FeatureTable, ForecastProtocol
+from pedpred.features import ForecastProtocol
 from pedpred.forecasting.postprocessing import Postprocessing
 from pedpred.geometry import Homography
 from pedpred.models.features import RowFormat
 from pedpred.models.lstm.features import LstmFeatures
-from pedpred.models.mixture.features import MixtureFeatures
 from pedpred.online.network import ExportedNetwork, read_description
 from pedpred.online.places import read_place, write_place
 from pedpred.reading import read_recording
 from pedpred.reading.geometry import read_ground, read_walls
 from pedpred.reading.options import ReadOptions
 from pedpred.reading.pixels import read_homography
-from pedpred.report import results
 from pedpred.ros import write_recording
 from pedpred.rows.files import columns_of, read_manifest, read_shard, write_manifest, write_shard
 from pedpred.scenes import Camera, OccupancyMap, Scene, Trajectories
 from pedpred.sources import mirrors
-from pedpred.storage.scenes import write_scene
+from pedpred.storage.scenes import read_map, write_scene
 from tests.bags import PEOPLE, Store, moving_bag, repacked, write_mcap
 from tests.exported import NETWORK, WIDTHS, write_network
-from tests.field_formats import BINARY, PIXEL_M, RATE_HZ, ROWS, WRITERS
-from tests.forecasts import windows_with
+from tests.field_formats import BINARY, PIXEL_M, RATE_HZ, WKT, WRITERS
+from tests.field_formats import ROWS as DETECTIONS
 from tests.raw_files import write_archive, write_sequence
 from tests.robots import from_camera
 from tests.scenes import write_as_table
 
-SIZES, STEPS = LstmFeatures(grid_cells=8, angular_cells=6), 4
-FEATURES = RowFormat(ForecastProtocol(horizon_steps=STEPS), "lstm", SIZES)
-SITUATIONS = RowFormat(FEATURES.protocol, "mixture", MixtureFeatures(neighbours=2, beams=8))
+STEPS = 4
+ROWS = RowFormat(ForecastProtocol(horizon_steps=STEPS), "lstm", LstmFeatures(grid_cells=8, angular_cells=6))
 ARCHIVED = dict.fromkeys(("seq_eth/H.txt", "seq_eth/obsmat.txt"), b"7 1.5\n" * 100)
-METRICS = {"eth": {"cv": dict.fromkeys(results.NEEDED, 0.25)}}
 TRACKER = "kind: kalman\nacceleration_noise: 0.05\nposition_noise_m: 0.05\n"
 CONF = "defaults: [_self_, scale: default, scenes@scenes.eth: eth]\nscenes: {}\nseed: 1\nrates: [0.1, 1e-3]\n"
-PIPELINE = """\
-vars: [{kinds: [a, b]}]
-stages:
-  plain: {cmd: "true", params: [seed]}
-  listed: {foreach: [eth], do: {cmd: "true", params: ["scenes.${item}.hz", seed]}}
-  crossed: {matrix: {kind: "${kinds}", place: [eth]}, cmd: "true", params: ["scenes.${item.place}"]}
-"""
-PARAMS = "seed: 1\nscenes:\n  eth: {hz: 15.0, tracker: {kind: kalman}}\nrates: [0.1, 1.0e-3]\n"
 
 
 def scene_in(path: Path, options: ReadOptions | None = None) -> Scene:
@@ -82,21 +67,20 @@ def make_scene(folder: Path) -> None:
     write_scene(place(), folder)
 
 
-def make_deep_map(folder: Path) -> None:
-    """Sixteen bits, transparent in places, in mode scale and in a sub-folder."""
-    (folder / "sub").mkdir()
+def make_picture_maps(folder: Path) -> None:
+    """Sixteen bits, transparent in places, in mode scale; and a compressed picture of eight bits."""
+    about = "resolution: 0.1\norigin: [-1, -2.0, 0]\nnegate: no\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
     grey = np.random.default_rng(0).integers(0, 2**16, (12, 9), dtype=np.uint16)
-    Image.fromarray(grey).save(folder / "sub/deep.png", transparency=int(grey[0, 0]))
-    about = "image: ./sub/deep.png\nmode: scale\nresolution: 0.1\norigin: [-1, -2.0, 0]\n"
-    (folder / "map.yaml").write_text(f"{about}negate: no\noccupied_thresh: 0.65\nfree_thresh: 0.2\n")
+    pictures = {"deep.png": (grey, {"transparency": int(grey[0, 0])})}
+    pictures["room.tif"] = ((grey // 256).astype(np.uint8), {"compression": "tiff_lzw"})
+    for name, (cells, options) in pictures.items():
+        (folder / name[:4] / "sub").mkdir(parents=True)
+        Image.fromarray(cells).save(folder / name[:4] / "sub" / name, **options)
+        (folder / name[:4] / "map.yaml").write_text(f"image: ./sub/{name}\nmode: scale\n{about}")
 
 
-def make_tiff_map(folder: Path) -> None:
-    """A compressed picture of eight bits."""
-    grey = np.random.default_rng(0).integers(0, 2**8, (12, 9), dtype=np.uint8)
-    Image.fromarray(grey).save(folder / "room.tif", compression="tiff_lzw")
-    about = "image: room.tif\nresolution: 0.1\norigin: [-1, -2.0, 0]\n"
-    (folder / "map.yaml").write_text(f"{about}negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n")
+def read_picture_maps(folder: Path) -> object:
+    return [read_map(folder / name) for name in ("deep", "room")]
 
 
 GEOMETRIES = ("lines.xml", "room.wkt")
@@ -105,15 +89,13 @@ GEOMETRIES = ("lines.xml", "room.wkt")
 def make_geometries(folder: Path) -> None:
     """A room with a door and a table drawn by its edges, and ground with a hole beside a wall."""
     vertex = '<vertex px="{}" py="{}"/>'.format
-    room, door = [(0, 0), (6, 0), (6, 4), (0, 4), (0, 0)], [(6, 1), (6, 2)]
     table = [((1, 1), (2, 1)), ((2, 1), (2, 2)), ((2, 2), (1, 1))]
-    walls = "".join(vertex(*point) for point in room)
+    walls = "".join(vertex(*point) for point in [(0, 0), (6, 0), (6, 4), (0, 4), (0, 0)])
     edges = "".join(f"<polygon>{vertex(*a)}{vertex(*b)}</polygon>" for a, b in table)
     rooms = f"<room><subroom><polygon>{walls}</polygon><obstacle>{edges}</obstacle></subroom></room>"
-    doors = f"<transitions><transition>{vertex(*door[0])}{vertex(*door[1])}</transition></transitions>"
+    doors = f"<transitions><transition>{vertex(6, 1)}{vertex(6, 2)}</transition></transitions>"
     (folder / GEOMETRIES[0]).write_text(f'<geometry unit="m"><rooms>{rooms}</rooms>{doors}</geometry>')
-    ground = "POLYGON ((0 0, 10 0, 10 4, 0 4, 0 0), (4 1, 5 1, 5 2, 4 2, 4 1))"
-    (folder / GEOMETRIES[1]).write_text(f"GEOMETRYCOLLECTION ({ground}, LINESTRING (1 1, 2 3, 3 3))")
+    (folder / GEOMETRIES[1]).write_text(f"GEOMETRYCOLLECTION ({WKT}, LINESTRING (1 1, 2 3, 3 3))")
 
 
 def read_geometries(folder: Path) -> object:
@@ -174,7 +156,7 @@ def read_field_texts(folder: Path) -> object:
 
 def make_columnar(folder: Path) -> None:
     """People as tables of pandas."""
-    table = pd.DataFrame(ROWS, columns=["time", "ped_id", "x", "y"]).astype({"ped_id": str})
+    table = pd.DataFrame(DETECTIONS, columns=["time", "ped_id", "x", "y"]).astype({"ped_id": str})
     table.to_parquet(folder / "walk.parquet")
     table.to_feather(folder / "walk.feather")
 
@@ -212,57 +194,23 @@ def make_ewap(folder: Path) -> None:
         picture.convert("RGB").save(folder / "reference.png")
 
 
-def table(rows: int = 12) -> FeatureTable:
-    """A feature table of random numbers."""
-    rng = np.random.default_rng(0)
-    values: dict[str, Any] = {
-        "track_id": np.repeat(np.arange(2), rows // 2),
-        "phase": np.zeros(rows, np.int8),
-        "step": np.tile(np.arange(rows // 2, dtype=np.int32), 2),
-        "time_s": rng.random(rows),
-        "heading_rad": rng.random(rows),
-        "velocity": rng.random((rows, 2), dtype=np.float32),
-        "future": rng.random((rows, STEPS, 2), dtype=np.float32),
-        "future_steps": np.full(rows, 4, np.int8),
-    }
-    pairs = ("position", "last_position", "last_velocity", "last_acceleration")
-    values |= {name: rng.random((rows, 2)) for name in pairs}
-    crops = rng.integers(0, 255, (rows, SIZES.grid_cells**2 // 8), dtype=np.uint8)
-    grids = rng.random((rows, SIZES.angular_cells), dtype=np.float32)
-    return FeatureTable(**values, inputs={"occupancy": crops, "angular_grid": grids})
-
-
-def rows_of(row_format: RowFormat, rows: int = 12) -> dict[str, np.ndarray]:
-    """Random rows of two tracks."""
-    rng = np.random.default_rng(0)
-    values = {
-        name: rng.integers(0, 255, (rows, *it.shape)).astype(it.dtype)
-        for name, it in columns_of(row_format).items()
-    }
-    steps = {"track_id": np.repeat(np.arange(2), rows // 2), "step": np.tile(np.arange(rows // 2), 2)}
-    return values | steps | {"future_steps": np.full(rows, 4)}
-
-
-def make_rows(folder: Path, row_format: RowFormat) -> None:
-    """Two row groups and the manifest."""
-    rows = rows_of(row_format)
-    blocks = [{name: values[half] for name, values in rows.items()} for half in (slice(0, 6), slice(6, 12))]
-    write_shard(blocks, folder, "place", row_format)
-    write_manifest(folder, row_format, {"place": "a scene"})
+def make_rows(folder: Path) -> None:
+    """Two row groups of a track each, and the manifest."""
+    rng, blocks = np.random.default_rng(0), []
+    for track in range(2):
+        random = {
+            n: rng.integers(0, 255, (6, *it.shape)).astype(it.dtype) for n, it in columns_of(ROWS).items()
+        }
+        steps = {"track_id": np.full(6, track), "step": np.arange(6), "future_steps": np.full(6, STEPS)}
+        blocks.append(random | steps)
+    write_shard(blocks, folder, "place", ROWS)
+    write_manifest(folder, ROWS, {"place": "a scene"})
 
 
 def read_rows(folder: Path) -> object:
     """Manifest, then every file that it names."""
     row_format, names = read_manifest(folder)
     return [list(read_shard(folder, name, row_format)) for name in names]
-
-
-def make_windows(folder: Path) -> None:
-    """Forecasts of two methods."""
-    rows = table()
-    paths = {"cv": rows.future, "lstm": rows.future}
-    inputs = {"packed_grid": rows.inputs["occupancy"], "angular_grid_m": rows.inputs["angular_grid"]}
-    write_windows(windows_with(rows.position, rows.future, paths, **inputs), folder / "place.parquet")
 
 
 def make_checkpoint(folder: Path) -> None:
@@ -281,10 +229,6 @@ def read_model(folder: Path) -> object:
 
 
 def make_recording(folder: Path) -> None:
-    write_recording(place(), folder / "place.mcap")
-
-
-def make_open_recording(folder: Path) -> None:
     """Neither compressed nor in chunks nor with checksums, so that damage reaches the messages."""
     write_recording(place(), folder / "closed.mcap")
     how: dict[str, Any] = {"use_chunking": False, "enable_crcs": False, "compression": CompressionType.NONE}
@@ -321,23 +265,15 @@ def read_archive(folder: Path) -> None:
     mirrors.fetch(mirrors.Mirrors("ewap", (), archives, 1.0, sums), target)
 
 
-def make_project(folder: Path) -> None:
-    """dvc.yaml, params.yaml and conf/ of a tiny project."""
+def make_conf(folder: Path) -> None:
+    """conf/ of a tiny project."""
     for name, text in {
-        "dvc.yaml": PIPELINE,
-        "params.yaml": PARAMS,
-        "conf/config.yaml": CONF,
-        "conf/scale/default.yaml": "# @package _global_\nseed: 2\n",
-        "conf/scenes/eth.yaml": "hz: 15.0\nfile: obsmat.txt\nagain: ${seed}\n",
+        "config.yaml": CONF,
+        "scale/default.yaml": "# @package _global_\nseed: 2\n",
+        "scenes/eth.yaml": "hz: 15.0\nfile: obsmat.txt\nagain: ${seed}\n",
     }.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(text)
-
-
-def read_project(folder: Path) -> None:
-    """What a stage does before it begins."""
-    for address in ("plain", "listed@eth", "crossed@a-eth"):
-        OmegaConf.to_container(config.declared(folder, address, []), resolve=True)
+        (folder / "conf" / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / "conf" / name).write_text(text)
 
 
 def make_learned_place(path: Path) -> None:

@@ -64,19 +64,19 @@ class Project:
         return f"other bytes in {', '.join(names[:3])} ({len(names)} in all)" if names else ""
 
 
-def environment(**more: str) -> dict[str, str]:
+def environment() -> dict[str, str]:
     """The environment of every command: this interpreter's tools first, no variables of outer DVC or git."""
     outer = {k: v for k, v in os.environ.items() if not k.startswith(("DVC_", "GIT_"))}
     tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     roles = ("AUTHOR", "COMMITTER")
     who = {f"GIT_{role}_{key}": "trust@localhost" for role in roles for key in ("NAME", "EMAIL")}
     calm = {"PEDPRED_JOBS": "2", "OMP_WAIT_POLICY": "passive"}  # else threads wait busily
-    return outer | who | PLAIN_GIT | calm | {"PATH": tools, "DVC_ROOT": str(ROOT)} | more
+    return outer | who | PLAIN_GIT | calm | {"PATH": tools, "DVC_ROOT": str(ROOT)}
 
 
 def done(folder: Path, *command: str, **more: str) -> subprocess.CompletedProcess[str]:
     """Run a command to its end; `more` adds to its environment."""
-    env = environment(**more)
+    env = environment() | more
     return subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=False)
 
 
@@ -120,8 +120,8 @@ def pipeline(folder: Path) -> dict[str, str]:
 
 def kinds(stages: Mapping[str, str]) -> dict[str, str]:
     """One stage of each kind: of `rows@...` the first by name."""
-    first = {min(name for name in stages if name.split("@")[0] == kind.split("@")[0]) for kind in stages}
-    return {name: command for name, command in stages.items() if name in first}
+    first = {name.split("@")[0]: name for name in sorted(stages, reverse=True)}
+    return {name: command for name, command in stages.items() if name in first.values()}
 
 
 def made(folder: Path) -> Project:

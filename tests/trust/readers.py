@@ -3,22 +3,17 @@
 A reader is added by one line of `READERS`: `make` writes the files into a folder, `read` reads them.
 """
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rosbags.rosbag2 import StoragePlugin
 
 from pedpred import config
 from pedpred.command.prediction import read_tracker
-from pedpred.evaluation.forecasts import read_windows
 from pedpred.models.registry import load_network
-from pedpred.report import results
 from pedpred.ros import read_bag
-from pedpred.rows.files import read_embeddings, write_embeddings
 from pedpred.sources import SOURCES
 from pedpred.storage.scenes import read_map, read_scene
 from tests import field_formats
@@ -53,10 +48,6 @@ def bag(ros1: bool = False, **storage: StoragePlugin) -> Step:
     return lambda path: store.write(path, stream(store), **storage)
 
 
-def embed(folder: Path) -> None:
-    write_embeddings([np.ones((9, 32), np.float16)], folder, "place")
-
-
 READERS = {
     "ewap": Reader(
         examples.make_ewap,
@@ -66,8 +57,11 @@ READERS = {
     "eth_ucy": Reader(write_street, ("street.txt",), source("eth_ucy", STREET)),
     "jupedsim": Reader(write_laboratory, ("hall.txt", "hall.xml"), source("jupedsim", LABORATORY)),
     "map": Reader(examples.make_scene, ("map.yaml", "map.pgm"), read_map),
-    "deep map": Reader(examples.make_deep_map, ("map.yaml", "sub/deep.png"), read_map),
-    "TIFF map": Reader(examples.make_tiff_map, ("map.yaml", "room.tif"), read_map),
+    "pictures of maps": Reader(
+        examples.make_picture_maps,
+        ("deep/map.yaml", "deep/sub/deep.png", "room/sub/room.tif"),
+        examples.read_picture_maps,
+    ),
     "geometries": Reader(examples.make_geometries, examples.GEOMETRIES, examples.read_geometries),
     "scene": Reader(examples.make_scene, ("scene.json", "tracks.parquet", "reference.png"), read_scene),
     "scene_folder": Reader(examples.make_table, ("tracks.csv", "scene.json"), source("scene_folder", {})),
@@ -81,18 +75,7 @@ READERS = {
         examples.make_columnar, ("walk.parquet", "walk.feather"), examples.read_columnar
     ),
     "homography": Reader(examples.make_inclined, ("annotations.txt", "H.txt"), examples.read_inclined),
-    "features": Reader(
-        lambda folder: examples.make_rows(folder, examples.FEATURES),
-        ("manifest.json", "place.parquet"),
-        examples.read_rows,
-    ),
-    "situations": Reader(
-        lambda folder: examples.make_rows(folder, examples.SITUATIONS),
-        ("manifest.json", "place.parquet"),
-        examples.read_rows,
-    ),
-    "embeddings": Reader(embed, ("place.parquet",), lambda folder: list(read_embeddings(folder, "place"))),
-    "forecasts": Reader(examples.make_windows, ("place.parquet",), at("place.parquet", read_windows)),
+    "rows": Reader(examples.make_rows, ("manifest.json", "place.parquet"), examples.read_rows),
     "foreign forecasts": Reader(examples.make_foreign, examples.FORECASTS, examples.read_foreign),
     "tracker": Reader(
         at("tracker.yaml", lambda path: path.write_text(examples.TRACKER)),
@@ -103,11 +86,6 @@ READERS = {
         at("hall.json", examples.make_learned_place),
         ("hall.json",),
         at("hall.json", examples.read_learned_place),
-    ),
-    "metrics": Reader(
-        at("sim.json", lambda path: path.write_text(json.dumps(examples.METRICS))),
-        ("sim.json",),
-        at("sim.json", results.read_metrics),
     ),
     "checkpoint": Reader(examples.make_checkpoint, ("weights.safetensors", "about.json"), load_network),
     "model": Reader(export, ("model.json", "network.onnx"), examples.read_model),
@@ -124,11 +102,9 @@ READERS = {
     "bag with transforms": Reader(at("hall", examples.make_moving), ("hall/hall.db3",), at("hall", read_bag)),
     "ROS 1 in MCAP": Reader(at("hall.mcap", examples.make_ros1), ("hall.mcap",), at("hall.mcap", read_bag)),
     "MCAP bag": Reader(examples.make_recording, ("place.mcap",), at("place.mcap", read_bag)),
-    "open MCAP bag": Reader(examples.make_open_recording, ("place.mcap",), at("place.mcap", read_bag)),
     "archive": Reader(examples.make_archive, ("mirror.tar", "mirror.tgz"), examples.read_archive),
-    "params": Reader(examples.make_project, ("params.yaml", "dvc.yaml"), examples.read_project),
     "conf": Reader(
-        examples.make_project,
+        examples.make_conf,
         ("conf/config.yaml", "conf/scale/default.yaml", "conf/scenes/eth.yaml"),
         lambda folder: config.composed(folder / "conf", []),
     ),
