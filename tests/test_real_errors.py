@@ -14,10 +14,10 @@ from pedpred.baselines.registry import BASELINES
 from pedpred.evaluation import EvaluationSettings, measure
 from pedpred.evaluation.windows import find_windows
 from pedpred.features import ForecastProtocol
-from pedpred.features.perception import Perception, parse_tracker
+from pedpred.features.perception import Perception, fitted
 from pedpred.simulation.sensor import SensorSettings, apply_sensor
 from pedpred.sources import SOURCES
-from pedpred.tracking import KalmanBank, KalmanSettings, log_likelihood
+from pedpred.tracking import KalmanSettings, log_likelihood
 from tests.conftest import ROOT, raw_folder
 from tests.worlds import PLACES
 
@@ -36,11 +36,10 @@ def real(request):
 
 
 def test_simple_methods_err_as_reported(real):
-    """What is reported learns each person's noise from the tuned filter."""
+    """What is reported has a filter that is fitted to the place itself."""
     name, place, scene = real
-    tracker = KalmanBank.around(parse_tracker(TRACKERS[place["tracker"]]))
-    how = Perception(tracker, 0.2, SensorSettings(**SENSORS[place["sensor"]]))
-    windows = find_windows(scene, how, ForecastProtocol(), memory=False)
+    how = Perception(KalmanSettings(1.0, 1.0), 0.2, SensorSettings(**SENSORS[place["sensor"]]))
+    windows = find_windows(scene, fitted(scene, how, ForecastProtocol()), ForecastProtocol(), memory=False)
     scores = measure(windows, {m: BASELINES[m]() for m in ("cv", "kalman_cv")}, EvaluationSettings())
     for method, own in scores.items():
         reported = REPORTED[name][method]

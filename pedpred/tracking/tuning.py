@@ -11,9 +11,9 @@ from pedpred.tracking.tracks import follow
 
 _START = KalmanSettings(acceleration_noise=0.1, position_noise_m=0.1, initial_speed_mps=1.0)
 
-LEAST = 1e-4
-"""Least noise parameters that are fitted: the likelihood of detections without noise has no maximum."""
-_DISTANCES = 8
+LEAST, MOST = 1e-4, 100.0
+"""Range of the fitted parameters: the likelihood of detections without noise has no maximum."""
+_DISTANCES = 12
 """Detections ahead are compared at no more distances than this, evenly spread."""
 
 
@@ -28,7 +28,7 @@ def log_likelihood(trajectories: Trajectories, settings: KalmanSettings, ahead: 
     Args:
         trajectories: detections.
         settings: noise parameters.
-        ahead: number of detections, counted within a life; of more than 8, eight are taken, evenly spread.
+        ahead: number of detections, counted within a life; of more than 12, twelve are taken, evenly spread.
 
     Raises:
         ValueRuleError: nobody is detected twice.
@@ -49,7 +49,7 @@ def log_likelihood(trajectories: Trajectories, settings: KalmanSettings, ahead: 
 
 
 def tune_kalman(trajectories: Trajectories, ahead: int, tolerance: float = 1e-4) -> KalmanSettings:
-    """Fit the noise parameters, each at least `LEAST`, to a recording by maximum likelihood.
+    """Fit the noise parameters, each from `LEAST` to `MOST`, to a recording by maximum likelihood.
 
     Args:
         trajectories: detections.
@@ -62,7 +62,7 @@ def tune_kalman(trajectories: Trajectories, ahead: int, tolerance: float = 1e-4)
     from scipy.optimize import minimize  # late: a robot has no SciPy
 
     def settings(logarithms: np.ndarray) -> KalmanSettings:
-        return KalmanSettings(*np.maximum(np.exp(logarithms), LEAST).tolist())
+        return KalmanSettings(*np.clip(np.exp(logarithms), LEAST, MOST).tolist())
 
     start = np.log([_START.acceleration_noise, _START.position_noise_m, _START.initial_speed_mps])
     simplex = np.vstack([start, start + np.eye(3)])  # a factor of e in each parameter

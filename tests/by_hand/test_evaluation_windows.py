@@ -15,7 +15,7 @@ from pedpred.evaluation.scores import read_scores
 from pedpred.evaluation.trial import Trial, evaluate_scene, forecast_windows
 from pedpred.evaluation.windows import find_windows, window_rows
 from pedpred.features import ForecastProtocol
-from pedpred.features.perception import Perception
+from pedpred.features.perception import Perception, fitted
 from pedpred.models.lstm.features import LstmFeatures
 from pedpred.scenes import Predictions, Scene, Trajectories
 from pedpred.simulation.sensor import SensorSettings
@@ -274,7 +274,7 @@ def test_a_trial_writes_forecasts_and_scores_of_a_scene(tmp_path):
         return standing(asked)
 
     shown = LstmFeatures(grid_cells=4, angular_cells=6)
-    trial = Trial("still", still, HOW, SIZES, WALKING, MetricSettings(miss_m=2.5), True, shown)
+    trial = Trial("still", still, HOW, SIZES, WALKING, MetricSettings(miss_m=2.5), True, shown=shown)
     write_scene(walks(), tmp_path / "walks")
     evaluate_scene(tmp_path / "walks", trial, tmp_path / "forecasts", tmp_path / "scores")
     windows = read_windows(tmp_path / "forecasts/walks.parquet")
@@ -286,6 +286,8 @@ def test_a_trial_writes_forecasts_and_scores_of_a_scene(tmp_path):
     assert (given[0].social_force, given[0].clock is None, windows.grid_cells) == (WALKING, False, 4)
     evaluate_scene(tmp_path / "walks", replace(trial, memory=False), tmp_path / "b", tmp_path / "c")
     assert given[1].clock is None
+    evaluate_scene(tmp_path / "walks", replace(trial, fits=True), tmp_path / "d", tmp_path / "e")
+    assert (given[1].tracker, given[2].tracker) == (HOW.kalman, fitted(walks(), HOW, SIZES).kalman)
 
 
 def test_a_scene_without_recording_is_not_evaluated(tmp_path):

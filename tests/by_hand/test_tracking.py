@@ -304,19 +304,19 @@ def test_likelihood_is_the_mean_log_density_of_detections(ahead):
     assert len(logs) == {1: 6, 2: 10, 3: 12}[ahead]
 
 
-def test_likelihood_counts_eight_distances_at_most():
-    """Of 16 detections ahead every second or third."""
+def test_likelihood_counts_twelve_distances_at_most():
+    """Of 25 detections ahead every second or third."""
     q, r, v0 = 0.4, 0.15, 1.7
-    time_s, places = 0.4 * np.arange(17), np.cumsum(np.random.default_rng(0).normal(0, 0.4, (17, 2)), axis=0)
+    time_s, places = 0.4 * np.arange(26), np.cumsum(np.random.default_rng(0).normal(0, 0.4, (26, 2)), axis=0)
     past, logs = textbook(time_s, places, q, r, v0), []
-    for distance in (1, 3, 5, 7, 10, 12, 14, 16):
-        for k in range(17 - distance):
+    for distance in (1, 3, 5, 8, 10, 12, 14, 16, 18, 21, 23, 25):
+        for k in range(26 - distance):
             mean, cov = extrapolated(*past[k], 0.4 * distance, q)
             s = cov[0, 0] + r**2
             miss = places[k + distance] - mean[0]
             logs.append(-np.log(2 * np.pi * s) - (miss**2).sum() / (2 * s))
-    walk = Trajectories(time_s, [1] * 17, places)
-    assert log_likelihood(walk, KalmanSettings(q, r, v0), 16) == pytest.approx(np.mean(logs))
+    walk = Trajectories(time_s, [1] * 26, places)
+    assert log_likelihood(walk, KalmanSettings(q, r, v0), 25) == pytest.approx(np.mean(logs))
 
 
 def test_fitted_noise_is_no_less_than_a_ten_thousandth():
