@@ -70,16 +70,15 @@ def test_states_of_people_are_in_double_precision():
 
 
 def test_a_tracker_is_fitted_to_what_the_sensor_gives():
-    """Over the horizon of 1.2 s, three detections; true states and resampled tracks need no tracker."""
+    """Over the horizon of 1.2 s, three detections, or one at least; true states and resampled tracks need no tracker."""
     rng = np.random.default_rng(1)
     walks = model_walks(rng, 0.2, 0.01, np.full((40, 30), 0.4))
     scene, sizes = Scene("hand", walks, empty_map(), 0.4), ForecastProtocol(0.3, 4)
     how = Perception(KalmanSettings(3.0, 1.0), 0.3, SensorSettings(position_noise_m=0.1))
-    found = fitted(scene, how, sizes)
-    best = tune_kalman(sensed(scene, how.sensor).trajectories, 3)
-    assert found == replace(how, kalman=found.kalman)
-    assert list(vars(found.kalman).values()) == pytest.approx(list(vars(best).values()), rel=0.03)
-    assert found.kalman.position_noise_m == pytest.approx(0.1, rel=0.15)
+    seen = sensed(scene, how.sensor).trajectories
+    for horizon, ahead in ((sizes, 3), (ForecastProtocol(0.1, 1), 1)):
+        assert fitted(scene, how, horizon) == replace(how, kalman=tune_kalman(seen, ahead, 0.01))
+    assert fitted(scene, how, sizes).kalman.position_noise_m == pytest.approx(0.1, rel=0.15)
     for true, other in ((replace(how, kalman=None), sizes), (how, replace(sizes, noncausal=True))):
         assert fitted(scene, true, other) is true
 
