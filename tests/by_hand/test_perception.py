@@ -70,7 +70,7 @@ def test_states_of_people_are_in_double_precision():
 
 
 def test_a_tracker_is_fitted_to_what_the_sensor_gives():
-    """Over the horizon of 1.2 s, three detections, or one at least; true states and resampled tracks need no tracker."""
+    """Over 1.2 s, three detections, or one at least; true states and resampled tracks need no tracker."""
     rng = np.random.default_rng(1)
     walks = model_walks(rng, 0.2, 0.01, np.full((40, 30), 0.4))
     scene, sizes = Scene("hand", walks, empty_map(), 0.4), ForecastProtocol(0.3, 4)
