@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pedpred.baselines.present_motion import PRESENT_MOTION
+from pedpred.baselines.present_motion import PRESENT_MOTION, STRONGEST
 from pedpred.evaluation import EvaluationSettings, Scores, summarise_methods
 from pedpred.metrics import METRICS
 from pedpred.scenes import Placement
@@ -112,4 +112,6 @@ def _comparison(method: str, best: str, row: Mapping[str, Any], reference_m: flo
     if low is None or low <= 0 <= high:
         verdict = f"no clear difference from {best}"
     relative = f", {100 * difference / reference_m:+.0f} %" if reference_m else ""
-    return f"{method}: {verdict}, the best simple method: ADE {difference:+.3f} m{relative} ({interval})\n"
+    fitted = ", fitted to this recording" if best == STRONGEST else ""
+    best_of = f"the best simple method{fitted}"
+    return f"{method}: {verdict}, {best_of}: ADE {difference:+.3f} m{relative} ({interval})\n"
