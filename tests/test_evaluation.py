@@ -224,6 +224,7 @@ def hall(rows):
     return Scene("hall", Trajectories(0.1 * instant, walker, position), empty_map(), 0.1)
 
 
+@pytest.mark.slow
 def test_each_detection_takes_little_memory(mixture):
     """Measured with twice as many; forecasts of all windows at once would take 12 KiB for each."""
     peaks = {}
