@@ -248,8 +248,8 @@ class LocalErrors:
     def _admit(self, now: Instant, horizon_s: float) -> LocalErrors:
         """With the errors of people who have left among the others."""
         waiting = self.waiting
-        lately = now.detections.since(now.time_s - horizon_s - LEFT_AFTER_S)
-        gone = ~is_in_sorted(lately.person, waiting.person)
+        lately = now.detections.people_since(now.time_s - horizon_s - LEFT_AFTER_S)
+        gone = ~is_in_sorted(lately, waiting.person)
         stays = ~gone & (waiting.time_s > now.time_s - _WAIT_S)
         if stays.all():
             return self

@@ -28,6 +28,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -95,14 +96,6 @@ class PendingForecast(NamedTuple):
     weight: np.ndarray
     learned: np.ndarray
 
-    def without(self, lost: np.ndarray) -> PendingForecast:
-        """Without the forecasts of some numbers, rising."""
-        gone = is_in_sorted(lost, self.forecast)
-        if not gone.any():
-            return self
-        names = "forecast", "person", "group", "path", "covariance", "weight"
-        return self._replace(**{name: getattr(self, name)[~gone] for name in names})
-
 
 class Adjustment(NamedTuple):
     """What compared forecasts added to a and b; undone if the person is lost before the last step.
@@ -152,6 +145,7 @@ class Regions:
         on_lines: modes were moved to lines before.
         made: number of forecasts kept so far.
         pending: forecasts to compare.
+        lost: numbers of those whose people were lost, rising; they are compared no more.
         adjustment: what may be undone.
     """
 
@@ -161,6 +155,7 @@ class Regions:
     on_lines: bool = False
     made: int = 0
     pending: tuple[PendingForecast, ...] = ()
+    lost: np.ndarray = field(default_factory=partial(np.zeros, 0, np.int64))
     adjustment: Adjustment = field(default_factory=Adjustment.empty)
 
     @classmethod
@@ -177,7 +172,7 @@ class Regions:
 
     def without_people(self) -> Regions:
         """What was learned, with nobody to learn from."""
-        return replace(self, pending=(), adjustment=Adjustment.empty())
+        return replace(self, pending=(), lost=self.lost[:0], adjustment=Adjustment.empty())
 
     def plain(self) -> dict[str, Any]:
         """What was learned, as lists of numbers."""
@@ -259,38 +254,46 @@ class Regions:
         if not due:
             return self
         span_s = min(now.time_s - now.looked_s, _LONG_S)
-        new, lost = compare_with_detections(due, now.detections, self.learned, self.noise_m, span_s)
+        new, gone = compare_with_detections(
+            due, self.lost, now.detections, self.learned, self.noise_m, span_s
+        )
+        lost = np.sort(np.concatenate([self.lost, gone]))
         moved, adjustment = new.sums(len(self.steps)), self.adjustment.concatenated(new)
         pending = tuple(one for one in self.pending if one.due_s > now_s)
-        if len(lost):
-            lost = np.sort(lost)
+        if len(gone):
             undone = is_in_sorted(lost, adjustment.forecast)
             moved -= adjustment.select(undone).sums(len(self.steps))
             adjustment = adjustment.select(~undone)
-            pending = tuple(one.without(lost) for one in pending)
         return replace(
             self,
             learned=np.clip(self.learned + moved, *self.limits),
             pending=pending,
+            lost=lost[lost >= min((one.forecast[0] for one in pending), default=self.made)],
             adjustment=adjustment.select(adjustment.until_s > now_s),
         )
 
 
 def compare_with_detections(
-    due: Sequence[PendingForecast], known: Detections, learned: np.ndarray, noise_m: float, span_s: float
+    due: Sequence[PendingForecast],
+    lost: np.ndarray,
+    known: Detections,
+    learned: np.ndarray,
+    noise_m: float,
+    span_s: float,
 ) -> tuple[Adjustment, np.ndarray]:
     """Compare forecasts with detections.
 
     Args:
         due: at least one.
+        lost: numbers of forecasts that do not count, rising.
         known: where people were.
         learned: a and b now, of each group and step. [2, G, A]
         noise_m: see `Regions`.
         span_s: time that the comparisons stand for, s.
 
     Returns:
-        What they add to a and b, and the numbers of the forecasts of people of whom it is not known where
-        they were.
+        What they add to a and b, and the numbers of the other forecasts of people of whom it is not known
+        where they were.
     """
     count = np.array([len(one.forecast) for one in due])
     step, due_s, until_s = (
@@ -307,12 +310,13 @@ def compare_with_detections(
         since = _LATE * (learned[:, :, one.step] - one.learned)
         there = one.path, one.covariance, one.weight, truth[begin:end], variance[begin:end]
         _missed_regions(missed[begin:end], *there, one.group, since, _SHARES, COARSE)
-    seen = missed >= 0
+    counts, located = ~is_in_sorted(lost, forecast), missed >= 0
+    seen = counts & located
     cell = group * learned.shape[2] + step
     people = np.bincount(cell[seen], minlength=learned[0].size)
     gain = span_s * np.minimum(_GAIN, _STEP / np.maximum(people, 1))
     adjustment = Adjustment(until_s, group, step, forecast, gain[cell] * _ADJUSTS[:, missed])
-    return adjustment.select(seen), forecast[~seen]
+    return adjustment.select(seen), forecast[counts & ~located]
 
 
 @compiled

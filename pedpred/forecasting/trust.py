@@ -35,7 +35,6 @@ from pedpred.forecasting.detections import (
     KNOWN,
     LEFT_AFTER_S,
     NEAR_S,
-    Detections,
     Instant,
     Lines,
     is_in_sorted,
@@ -214,7 +213,7 @@ class Trust:
         fits = _zero_if_unknown(np.interp(lines.missed_m, _FITS_M, [1.0, 0.0]))
         trust = self
         if now.is_look:
-            lately = now.detections.since(now.time_s - ahead_s[-1] - LEFT_AFTER_S)
+            lately = now.detections.people_since(now.time_s - ahead_s[-1] - LEFT_AFTER_S)
             used = lines.followed_s >= _USED_S - TIME_TOLERANCE_S
             trust = self._compare(now)._with_people(lately, now.person[used])
             fitting = fits[:, :, None, None] * offset
@@ -229,9 +228,9 @@ class Trust:
         weights[there] = self.weights[np.searchsorted(self.person, person[there]), group[there]]
         return weights
 
-    def _with_people(self, lately: Detections, person: np.ndarray) -> Trust:
-        """With some people [N], who may have come, and without those who are not detected lately."""
-        gone = ~is_in_sorted(lately.person, self.person)
+    def _with_people(self, lately: np.ndarray, person: np.ndarray) -> Trust:
+        """With some people [N], who may have come, and without those who are not among the latest [M]."""
+        gone = ~is_in_sorted(lately, self.person)
         stays, come = np.flatnonzero(~gone), person[~is_in_sorted(self.person, person)]
         if len(stays) == len(gone) and not len(come):
             return self

@@ -128,8 +128,8 @@ class Doubts:
             frame: later than they were seen.
             occupancy: the map; None without one.
         """
-        known = np.isin(frame.track_id, people.track_id, assume_unique=True)
-        rows = people.track_id.searchsorted(frame.track_id[known])
+        row, known = people.rows_of(frame.track_id)
+        rows = row[known]
         place, gap_s = frame.position[known], frame.time_s - people.seen_s[rows]
         way_m = np.hypot(*(place - people.detection[rows]).T)
         ahead = place - people.detection[rows] - gap_s[:, None] * people.velocity[rows]

@@ -13,6 +13,7 @@ import numpy as np
 from pedpred.errors import ValueRuleError, brief
 from pedpred.features import ForecastProtocol
 from pedpred.files import as_path, check_input, check_output
+from pedpred.forecasting.detections import is_in_sorted
 from pedpred.forecasting.postprocessing import PlaceKnowledge, Postprocessing
 from pedpred.geometry import rotate
 from pedpred.online.caution import have_just_appeared, moving_shares, shorten_paths
@@ -252,8 +253,8 @@ class OnlinePredictor:
         people = register_detections(
             people, frame, self.filters, self.description.standstill_mps, self._lives
         )
-        false = np.setdiff1d(people.track_id[contradicted(people)], before, assume_unique=True)
-        if len(false):
+        false = people.track_id[contradicted(people)]
+        if len(false := false[~is_in_sorted(before, false)]):
             text = (
                 "velocities of tracks %s do not lead from position to position until %s s: "
                 "give true ones of the world frame, or none; forecasts follow them"

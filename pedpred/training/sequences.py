@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Annotated, ClassVar
@@ -88,12 +89,16 @@ class SequenceSampler:
         return Examples(inputs, future, self.data.known(batch.rows), batch.starts)
 
     def outputs(self, network: ForecastNetwork) -> Iterator[tuple[Tensor, Tensors]]:
-        """At every step of this process's validation sequences, in single precision."""
-        return run_over_sequences(network, self.data, self.validation[self.context.rank :: self.context.size])
+        """At every step of this process's validation sequences, as precise as in training."""
+        own = self.validation[self.context.rank :: self.context.size]
+        return run_over_sequences(network, self.data, own, self.context.precision)
 
 
 def run_over_sequences(
-    network: ForecastNetwork, data: TrainingRows, sequences: np.ndarray
+    network: ForecastNetwork,
+    data: TrainingRows,
+    sequences: np.ndarray,
+    precision: Callable[[], AbstractContextManager[object]] = nullcontext,
 ) -> Iterator[tuple[Tensor, Tensors]]:
     """Outputs at every step of some sequences, in blocks of rows, which bounds the memory.
 
@@ -101,6 +106,7 @@ def run_over_sequences(
         network: in evaluation mode.
         data: inputs.
         sequences: rows [first, last) of each track. [S, 2]
+        precision: makes a context for the forward pass; by default single precision.
 
     Yields:
         Rows [m], each row of a sequence once, and the outputs there. [m, ...] each
@@ -109,10 +115,11 @@ def run_over_sequences(
     for at in range(0, len(by_length), _TRACKS_AT_ONCE):
         first, last = by_length[at : at + _TRACKS_AT_ONCE].T
         state = network.start(len(first))
-        for begin in range(0, int((last - first).max()), _STEPS_AT_ONCE):
-            steps = first[:, None] + begin + np.arange(_STEPS_AT_ONCE)
+        longest = int((last - first).max())
+        for begin in range(0, longest, _STEPS_AT_ONCE):
+            steps = first[:, None] + np.arange(begin, min(begin + _STEPS_AT_ONCE, longest))
             rows = torch.from_numpy(np.where(steps < last[:, None], steps, -1)).to(data.future.device)
-            with torch.inference_mode():  # not around `yield`: it would hold in the caller, too
+            with torch.inference_mode(), precision():  # not around `yield`: it would hold in the caller, too
                 outputs, state = network(data.inputs(rows), state)
             real = rows >= 0
             yield rows[real], select(outputs, real)

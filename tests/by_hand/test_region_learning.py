@@ -132,14 +132,6 @@ def single(away_m, deviation_m=1.0, **given):
     return past, Detections(np.full(len(away_m), 3.0), np.arange(len(away_m)), there)
 
 
-def test_later_steps_of_lost_forecasts_are_left_out():
-    """Forecasts 10, 11 and 12 are of people 0, 1 and 2; forecast 9 is at another step."""
-    past = single([1.0, 2.0, 3.0])[0]
-    left = past.without(np.array([9, 10, 12]))
-    assert [left.forecast.tolist(), left.person.tolist(), left.path.shape] == [[11], [1], (1, 1, 2)]
-    assert past.without(np.array([9, 13])) is past
-
-
 def away(u):
     """How far the boundary of a region of a plane Gaussian is away: u = 1 - exp(-r^2 / 2)."""
     return np.sqrt(-2 * np.log1p(-np.asarray(u)))
@@ -152,7 +144,20 @@ def taught_by(u, gain):
     return np.array([gain * (z50 + z90 + z95) / 3, gain / 2 * ((z90 + z95) / 2 - z50)])
 
 
+NONE = np.zeros(0, np.int64)
 U = np.array([0.01, 0.499, 0.501, 0.899, 0.901, 0.949, 0.951, 0.999])
+
+
+def test_later_steps_of_lost_forecasts_are_left_out():
+    """Forecasts 10 and 11 are of people 0 and 1, 12 of one who is not detected; 9 and 13 are of others."""
+    past, known = single(away([0.3, 0.6, 0.96]), person=np.array([0, 1, 60]))
+    taught, gone = compare_with_detections(
+        [past], np.array([9, 10, 12]), known, np.zeros((2, 2, 1)), 0.0, 1.0
+    )
+    assert (taught.forecast.tolist(), gone.tolist()) == ([11], [])
+    np.testing.assert_allclose(taught.by, taught_by(np.array([0.6]), 0.075))
+    taught, gone = compare_with_detections([past], np.array([9, 13]), known, np.zeros((2, 2, 1)), 0.0, 1.0)
+    assert (taught.forecast.tolist(), gone.tolist()) == ([10, 11], [12])
 
 
 @pytest.mark.parametrize(("people", "gain"), [(8, 0.075), (10, 0.075), (12, 0.0625)])
@@ -160,7 +165,7 @@ def test_errors_teach_by_the_regions_that_miss_them(people, gain):
     """The gain is 0.075 per second, of more than ten people at a step 0.75 for all together."""
     u = np.resize(U, people)
     past, known = single(away(u))
-    taught, lost = compare_with_detections([past], known, np.zeros((2, 2, 1)), 0.0, 0.7)
+    taught, lost = compare_with_detections([past], NONE, known, np.zeros((2, 2, 1)), 0.0, 0.7)
     np.testing.assert_allclose(taught.by, taught_by(u, 0.7 * gain))
     np.testing.assert_array_equal(taught.forecast, 10 + np.arange(people))
     np.testing.assert_array_equal(taught.until_s, 7.0)
@@ -175,7 +180,7 @@ def test_people_count_together_who_share_a_group_and_a_step():
     person = np.array([*range(11), 60, 61])
     given = {"forecast": 70 + np.arange(13), "until_s": 9.0, "person": person, "group": np.ones(13, int)}
     second = single(away(u[:13]), **given)[0]
-    taught, lost = compare_with_detections([first, second], known, np.zeros((2, 2, 2)), 0.0, 1.0)
+    taught, lost = compare_with_detections([first, second], NONE, known, np.zeros((2, 2, 2)), 0.0, 1.0)
     gain = 0.75 / np.repeat([12, 15, 11], [12, 15, 11])
     np.testing.assert_allclose(taught.by, taught_by(np.concatenate([u, u[:11]]), gain))
     np.testing.assert_array_equal(taught.step, [1] * 27 + [0] * 11)
@@ -193,7 +198,7 @@ def test_noise_of_detections_is_added_before_the_comparison(share):
     time_s = np.concatenate([known.time_s - 0.8 * share, known.time_s + 0.8 * (1 - share)])
     order = np.argsort(np.tile(known.person, 2), kind="stable")
     both = Detections(time_s[order], np.tile(known.person, 2)[order], np.tile(known.position, (2, 1))[order])
-    taught, _ = compare_with_detections([past], both, np.zeros((2, 2, 1)), 0.3, 1.0)
+    taught, _ = compare_with_detections([past], NONE, both, np.zeros((2, 2, 1)), 0.3, 1.0)
     np.testing.assert_allclose(taught.by, taught_by(u, 0.075))
 
 
@@ -204,7 +209,7 @@ def test_most_of_what_was_learned_since_is_applied_first():
     group = np.repeat([0, 1], len(U))
     wider = np.exp(0.8 * np.where(group == 0, 0.5 - 0.2, -0.4 - 0.3))
     past, known = single(wider * away(np.tile(U, 2)), step=1, group=group, learned=then)
-    taught, _ = compare_with_detections([past], known, now, 0.0, 1.0)
+    taught, _ = compare_with_detections([past], NONE, known, now, 0.0, 1.0)
     np.testing.assert_allclose(taught.by, taught_by(np.tile(U, 2), 0.075))
 
 
@@ -217,7 +222,7 @@ def test_modes_are_widened_by_the_probability_before_them():
     now, then = rng.uniform(-0.5, 0.9, (2, 2, 1)), rng.uniform(-0.5, 0.9, (2, 2))
     past = pending(path, sigma, weight, group=group, learned=then)
     known = Detections(np.full(rows, 3.0), np.arange(rows), truth)
-    taught, _ = compare_with_detections([past], known, now, 0.1, 1.0)
+    taught, _ = compare_with_detections([past], NONE, known, now, 0.1, 1.0)
     a, b = 0.8 * (now[:, group, 0] - then[:, group])[..., None]
     middle = np.stack([weight[:, 0] / 2, weight[:, 0] + weight[:, 1] / 2, 1 - weight[:, 2] / 2], axis=1)
     wide = np.exp(2 * (a + b * (2 * middle - 1)))[..., None, None] * sigma + 0.01 * np.eye(2)

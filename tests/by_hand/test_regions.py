@@ -165,8 +165,8 @@ def test_later_steps_do_not_count_once_a_person_was_lost():
     instants = list(stepped(Regions.initial(STEPS), np.full((8, 1, STEPS), 0.5), times_s, seen))
     for place, _ in instants:
         np.testing.assert_array_equal(place.regions.learned, 0.0)
-    waiting = [[len(one.forecast) for one in place.regions.pending] for place, _ in instants]
-    assert waiting == [[]] * 3 + [[1, 1, 1], [1, 1, 1], [0, 0], [0, 1, 1, 1], [1] * 6]
+    lost = [place.regions.lost.tolist() for place, _ in instants]
+    assert lost == [[]] * 5 + [[0], [0], []]
 
 
 def test_each_forecast_has_a_number_of_its_own():
