@@ -10,7 +10,7 @@ an earlier forecast at a step, from x_j along d_j. Later forecasts move at that 
 which is a kernel regression of the errors (Nadaraya 1964, Watson 1964). It is drawn to 0 where few errors
 are known, as N errors of 0 would, and where the mean is not larger than its own spread; A errors of people
 who walk together, or of one person shortly after each other, count as one. Every mode moves by the same
-shift, so regions keep their shape. People who are forecast to stand neither teach nor are they moved.
+shift, so regions keep their shape. People who are not forecast to walk neither teach nor are they moved.
 
 What somebody does changes no forecast of others before it has left: errors of a person count from then on.
 Similar errors are kept as one, by their mean and mean square, so that memory stays bounded for hours; where
@@ -29,7 +29,7 @@ import numpy as np
 from pedpred.compiled import compiled
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting.detections import KNOWN, LEFT_AFTER_S, NEAR_S, Instant, is_in_sorted
-from pedpred.forecasting.groups import groups_of
+from pedpred.forecasting.groups import WALKING, groups_of
 from pedpred.scenes import Predictions
 from pedpred.settings import finite
 from pedpred.tracking.tracks import TIME_TOLERANCE_S
@@ -220,7 +220,7 @@ class LocalErrors:
         Returns:
             Everything afterwards, and the forecasts with other paths.
         """
-        walks = groups_of(forecasts) == 1
+        walks = groups_of(forecasts) == WALKING
         errors = self
         if now.is_look:
             errors = self._compare(now)._admit(now, forecasts.steps * forecasts.dt_s)

@@ -9,8 +9,10 @@ comparison, u is the share of the probability in the smallest region that reache
 at some steps of the horizon, and in between by interpolation (adaptive conformal inference, Gibbs & Candes
 2021, with two parameters). The gain g per second is constant, because crowds change. Standard deviations of
 mode k are multiplied by exp(a + b (2 t_k - 1)), with t_k the probability of the modes before it and half of
-its own: a is for all, b for the tails. People who are forecast to stand and to walk have an a and a b each.
-Paths, weights and the point forecast stay.
+its own: a is for all, b for the tails. People who are forecast to stand still, to stir and to walk have an a
+and a b each (`pedpred.forecasting.groups`). Modes of a faster group than their person are never narrowed:
+those who stand still stray by millimetres, and who walks off is none of them. Paths, weights and the point
+forecast stay.
 
 A forecast is in three places, one after the other: each of its compared steps is a `PendingForecast` until
 the detections around its time are there; its comparison becomes an `Adjustment` of a and b; that is undone,
@@ -36,7 +38,7 @@ import numpy as np
 from pedpred.compiled import compiled
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting.detections import KNOWN, NEAR_S, Detections, Instant, is_in_sorted
-from pedpred.forecasting.groups import GROUPS, groups_of
+from pedpred.forecasting.groups import GROUPS, groups_of, is_faster_mode
 from pedpred.metrics.calibration import COARSE, REGIONS, share_reached, write_component
 from pedpred.scenes import Predictions
 from pedpred.settings import finite
@@ -347,11 +349,13 @@ def widen_covariances(
 ) -> Predictions:
     """With standard deviations times exp(a + b (2 t_k - 1)); each row's a and b. [W, P].
 
-    None becomes smaller than `least_m` by that; those which are smaller as they are, stay.
+    None becomes smaller than `least_m` by that, and none of a mode of a faster group (`is_faster_mode`)
+    becomes smaller; those which are smaller as they are, stay.
     """
     assert predictions.covariance is not None
     before = np.cumsum(predictions.weight, axis=1) - 0.5 * predictions.weight
     wide = np.exp(2.0 * (wider[:, None] + tails[:, None] * (2.0 * before[..., None] - 1.0)))
+    wide = np.where(is_faster_mode(predictions)[..., None], np.maximum(wide, 1.0), wide)
     if least_m:
         wide = np.maximum(wide, np.minimum(1.0, least_m**2 / _least_variance(predictions.covariance)))
     return replace(predictions, covariance=predictions.covariance * wide[..., None, None])

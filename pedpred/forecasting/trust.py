@@ -10,8 +10,8 @@ with the w that minimise
 over the N forecasts of people who had left the place when this person came, where v was their w: distances
 count, not their squares (iteratively reweighted least squares). The second term draws w to 0, all trust in
 the network, as M forecasts would that were right. When N is larger than some thousands, the sums fade. Each
-step of the horizon has a w, and people who are forecast to stand and to walk have their own. Every mode goes
-to the lines by the same w, so that the point forecast stays among the modes. A line that misses the last
+step of the horizon has a w for people who are forecast to stand still, to stir and to walk each. Every mode
+goes to the lines by the same w, so that the point forecast stays among the modes. A line that misses the last
 detection, as that of somebody who has just turned, counts less or not at all, in both.
 
 What somebody does thus changes no forecast of anybody who is there at the same time.

@@ -12,7 +12,7 @@ from pedpred.files import check_input, read_json, translate_errors, write_json
 from pedpred.forecasting.postprocessing import PlaceKnowledge
 from pedpred.online.network import digest_of
 
-PLACE_SCHEMA = 2
+PLACE_SCHEMA = 3
 _CHECKSUM = "sha256"
 _REMEDY = "Delete it: it is learned again"
 

@@ -204,8 +204,8 @@ def meeting():
     )
     sigma = np.broadcast_to(0.1 * np.eye(2), (2, 2, 2, 2, 2))
     alone = Predictions(path.mean(axis=1), path, np.array([[0.9, 0.1], [0.55, 0.45]]), 0.4, sigma)
-    products = np.broadcast_to(np.eye(2), (2, 2, 2, 2))
-    sums = Sums(products, np.full((2, 2, 2), 0.05), np.full(2, 10000.0))
+    products = np.broadcast_to(np.eye(2), (3, 2, 2, 2))
+    sums = Sums(products, np.full((3, 2, 2), 0.05), np.full(3, 10000.0))
     regions = Regions.initial(2, 0.1, on_lines=True)
     place = PlaceKnowledge(
         replace(Trust.initial(2), place=sums), replace(regions, learned=np.full(regions.learned.shape, 0.5))
@@ -270,7 +270,7 @@ def test_links_begin_unlearned():
     assert (default.regions.noise_m, default.regions.on_lines) == (0.0, False)
     place = Postprocessing(noise_m=0.2, trust=True).initial(4)
     assert (place.regions.noise_m, place.regions.on_lines, place.regions.steps[-1]) == (0.2, True, 3)
-    assert place.trust.place.errors.shape == (2, 4, 2)
+    assert place.trust.place.errors.shape == (3, 4, 2)
     assert Postprocessing(learning=False).initial(4) == PlaceKnowledge(None, None)
     assert Postprocessing(learning=False, trust=True).initial(4).regions is None
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pedpred.forecasting.detections import Detections, is_in_sorted
-from pedpred.forecasting.groups import groups_of
+from pedpred.forecasting.groups import STILL, STIRRING, WALKING, groups_of, is_faster_mode
 from pedpred.forecasting.regions import (
     Adjustment,
     PendingForecast,
@@ -100,13 +100,24 @@ def test_detections_are_kept_from_an_instant_on():
 
 
 def test_people_forecast_to_go_0_3_mps_walk():
-    """From the first step to the last: 0.3 m/s times (P - 1) dt = 0.36 m of four steps of 0.4 s."""
-    ways = [[0.36, 0.0], [0.0, -0.37], [0.35, 0.0], [0.22, 0.28], [0.25, 0.26], [0.2, 0.2]]
-    point = np.zeros((6, 4, 2))
+    """At least 0.36 m, 0.3 m/s times (P - 1) dt, of four steps of 0.4 s; who stirs goes 0.06 m."""
+    ways = [[0.36, 0.0], [0.0, -0.37], [0.22, 0.29], [0.35, 0.0], [0.2, 0.2], [0.0, 0.061], [-0.059, 0.0]]
+    point = np.zeros((7, 4, 2))
     point[:, 0], point[:, 1:3] = [7.0, -3.0], 50.0
-    point[:, 3] = point[:, 0] + np.array(ways) * [1.0 + 1e-9, 1.0]
+    point[:, 3] = point[:, 0] + np.array(ways) * (1.0 + 1e-9)
     found = groups_of(Predictions.single(point, 0.4))
-    np.testing.assert_array_equal(found, [1, 1, 0, 0, 1, 0])
+    np.testing.assert_array_equal(found, [WALKING] * 3 + [STIRRING] * 3 + [STILL])
+
+
+def test_the_mean_speed_over_the_modes_counts():
+    """0.7 x 0.04 + 0.3 x 0.2 = 0.088 m/s and 0.9 x 0.04 + 0.1 x 0.2 = 0.056, not 0.95 x 0.02 + 0.05 x 0.4."""
+    speed = np.array([[0.04, 0.2], [0.04, 0.2], [0.02, 0.4], [0.5, 0.1]])
+    path = np.array([3.0, 1.0]) + speed[:, :, None, None] * 0.4 * np.arange(4)[:, None] * [0.6, -0.8]
+    weight = np.array([[0.7, 0.3], [0.9, 0.1], [0.95, 0.05], [0.8, 0.2]])
+    found = Predictions(path[:, 0], path, weight, 0.4)
+    np.testing.assert_array_equal(groups_of(found), [STIRRING, STIRRING, STILL, WALKING])
+    faster = is_faster_mode(found)
+    np.testing.assert_array_equal(faster, [[False, False], [False, False], [False, True], [False, False]])
 
 
 def test_values_are_found_among_rising_ones():
@@ -239,13 +250,13 @@ def test_what_is_taught_is_summed_by_group_and_step():
         np.array([[0.1, 0.2, 0.4], [-1.0, -2.0, -4.0]]),
     )  # fmt: skip
     other = one.select(np.array([False, True, False]))
-    expected = np.zeros((2, 2, 3))
+    expected = np.zeros((2, 3, 3))
     expected[:, 0, 2], expected[:, 1, 0] = [0.1, -1.0], [0.8, -8.0]
     both = one.concatenated(other)
     np.testing.assert_allclose(both.sums(3), expected)
     np.testing.assert_array_equal(both.forecast, [7, 8, 9, 8])
     np.testing.assert_array_equal(both.until_s, [1.0, 2.0, 3.0, 2.0])
-    assert Adjustment.empty().sums(3).tolist() == np.zeros((2, 2, 3)).tolist()
+    assert Adjustment.empty().sums(3).tolist() == np.zeros((2, 3, 3)).tolist()
 
 
 def test_deviations_grow_by_mode_and_step():

@@ -14,12 +14,13 @@ from tests.learners import at_instant, place_of
 STEPS, DT_S = 4, 0.4
 AHEAD_S = DT_S * np.arange(1, STEPS + 1)
 TIMES_S = np.array([0.0, 0.3, 0.7, 1.0, 1.4, 1.7, 2.1, 2.4, 2.8, 3.1, 3.5, 3.8, 4.2, 4.5, 4.9])
-STAND, WALK = 0, 1
+STIR, WALK = 1, 2
 SHARES = np.array([
     [[0.5, 0.1], [0.4, 0.2], [0.3, 0.3], [0.2, 0.0]],
+    [[0.2, 0.2], [0.1, 0.3], [0.6, 0.1], [0.3, 0.4]],
     [[0.3, 0.6], [0.25, 0.4], [0.1, 0.05], [0.0, 0.7]],
 ])  # fmt: skip
-"""Of both lines at each step, of people who stand and who walk. [G, P, L]."""
+"""Of both lines at each step, of people who stand still, stir and walk. [G, P, L]."""
 
 
 def fitted(time_s, position, now_s, span_s):
@@ -56,7 +57,7 @@ def test_lines_are_fitted_to_the_last_detections():
 def place_with(shares, compared=100.0):
     """Sums that lead to given shares: with A = 2 and N = 100, w = b / (2 (1 + 200 / N))."""
     products = np.broadcast_to(2.0 * np.eye(2), (*shares.shape, 2))
-    return Sums(products, 2.0 * (1 + 200 / compared) * shares, np.full(2, compared))
+    return Sums(products, 2.0 * (1 + 200 / compared) * shares, np.full(3, compared))
 
 
 def trusting(shares=SHARES):
@@ -110,7 +111,7 @@ def test_forecasts_go_to_the_lines_by_their_shares():
     """n + sum_l w_l d_l; every mode goes there by the same shares: path + sum_l w_l (d_l + n - path).
 
     The last detections of the first two people are moved by 0.5 m, so that lines count partly. Shares of the
-    one who stands are others. Nobody has shares before 1.2 s; weights and covariances stay.
+    one who stirs are others. Nobody has shares before 1.2 s; weights and covariances stay.
     """
     position = walked(3)
     position[:2, 4] += [[0.5, 0.3], [-0.2, 0.7]]
@@ -120,7 +121,7 @@ def test_forecasts_go_to_the_lines_by_their_shares():
     _, forecasts, after = instants[4]
     apart, fits = apart_from(forecasts, position, 5)
     assert ((fits[:2] > 0) & (fits[:2] < 1)).any()
-    shares = SHARES[[WALK, WALK, STAND]] * fits[:, None]
+    shares = SHARES[[WALK, WALK, STIR]] * fits[:, None]
     shift = np.einsum("npl,nlpa->npa", shares, apart)
     np.testing.assert_allclose(after.point, forecasts.point + shift)
     left = 1 - shares.sum(axis=-1)[:, None, :, None]
@@ -136,7 +137,7 @@ def test_a_line_that_misses_the_last_detection_counts_less(side_m, counts):
 
     A last detection that is s beside the others is missed by s / 6 of the short line; all are at one place.
     """
-    time_s, shares = np.array([0.0, 0.76, 0.8, 1.1, 1.4]), np.zeros((2, STEPS, 2))
+    time_s, shares = np.array([0.0, 0.76, 0.8, 1.1, 1.4]), np.zeros((3, STEPS, 2))
     shares[:, :, 1] = 0.5
     position = np.tile([3.0, 4.0], (1, 5, 1))
     position[0, 4, 1] += 6.0 * side_m
@@ -148,7 +149,7 @@ def test_a_line_that_misses_the_last_detection_counts_less(side_m, counts):
 
 def test_modes_do_not_go_to_a_line_that_is_unknown():
     """One detection within 0.6 s: of half a share of each line, that of the long one counts alone."""
-    time_s, shares = np.array([0.0, 0.7, 1.4]), np.full((2, STEPS, 2), 0.5)
+    time_s, shares = np.array([0.0, 0.7, 1.4]), np.full((3, STEPS, 2), 0.5)
     position = np.array([[[3.0, 4.0], [3.7, 4.2], [4.4, 4.4]]])
     *_, (_, forecasts, after) = stepped(trusting(shares), time_s, position)
     line = position[0, -1] + AHEAD_S[:, None] * [1.0, 0.2 / 0.7]
@@ -177,7 +178,7 @@ def test_the_shares_of_a_person_stay_between_looks():
 
 def sums_of(position, person, times):
     """What the forecasts of one of three people from some instants teach, with the shares of the place."""
-    products, errors, group = np.zeros((STEPS, 2, 2)), np.zeros((STEPS, 2)), [WALK, WALK, STAND][person]
+    products, errors, group = np.zeros((STEPS, 2, 2)), np.zeros((STEPS, 2)), [WALK, WALK, STIR][person]
     for k in times:
         forecasts = forecasts_of(position[:, k], SPEED_MPS)
         apart, fits = apart_from(forecasts, position, k + 1)
@@ -200,12 +201,12 @@ def test_forecasts_are_compared_once_their_last_step_is_over():
     assert [len(trust.past) for trust in instants] == [0] * 7 + [1, 2, 3, 4, 5, 5, 6, 5]
     order = np.argsort(PEOPLE)
     for row, person in enumerate(order):
-        group = [WALK, WALK, STAND][person]
+        group = [WALK, WALK, STIR][person]
         products, errors = sums_of(position, person, (7, 8, 9))
         np.testing.assert_allclose(instants[-1].sums.products[row, group], products)
         np.testing.assert_allclose(instants[-1].sums.errors[row, group], errors)
-        assert not instants[-1].sums.products[row, 1 - group].any()
-    np.testing.assert_array_equal(instants[-1].place.compared, [100.0, 100.0])
+        assert not np.delete(instants[-1].sums.products[row], group, axis=0).any()
+    np.testing.assert_array_equal(instants[-1].place.compared, [100.0] * 3)
 
 
 @pytest.mark.parametrize("later_s", [1.7, 2.2, 3.9, 4.9])
@@ -239,7 +240,7 @@ def test_people_who_left_teach_those_who_come_later(last_s, gone):
         place, _ = at_instant(place, now_s, np.array([20]), *known)
     trust = place.trust
     assert trust.person.tolist() == ([20] if gone else [4, 6, 9, 20])
-    np.testing.assert_array_equal(trust.place.compared, [103.0, 106.0] if gone else [100.0, 100.0])
+    np.testing.assert_array_equal(trust.place.compared, [100.0, 103.0, 106.0] if gone else [100.0] * 3)
     if gone:
         taught = [sums_of(position, person, (7, 8, 9)) for person in (0, 1)]
         products = 2.0 * np.eye(2) + taught[0][0] + taught[1][0]
@@ -270,11 +271,11 @@ def test_what_was_learned_is_kept_without_people():
     *_, (place, *_) = stepped(trusting())
     trust, left = place.trust, place.without_people()
     alone = left.trust
-    np.testing.assert_array_equal(alone.place.compared, [103.0, 106.0])
+    np.testing.assert_array_equal(alone.place.compared, [100.0, 103.0, 106.0])
     np.testing.assert_allclose(alone.place.errors, trust.place.errors + trust.sums.errors.sum(axis=0))
     assert (alone.past, left.looked_s, len(alone.person), len(alone.weights)) == ((), -np.inf, 0, 0)
     again = Trust.initial(STEPS).restored(trust.plain())
     for one, other in zip(again.place, alone.place, strict=True):
         np.testing.assert_array_equal(one, other)
     with pytest.raises(ValueRuleError):
-        Trust.initial(STEPS).restored(trust.plain() | {"compared": [-1.0, 0.0]})
+        Trust.initial(STEPS).restored(trust.plain() | {"compared": [-1.0, 0.0, 0.0]})
