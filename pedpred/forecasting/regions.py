@@ -142,6 +142,7 @@ class Regions:
 
     Attributes:
         steps: those at which forecasts are compared, rising. [A]
+        between: share of each of them at every step of the horizon. [A, P]
         learned: a and b, of each group (`groups_of`) and step. [2, G, A]
         noise_m: standard deviation of a detection's coordinate, m; 0: detections are where people are.
         on_lines: modes were moved to lines before.
@@ -152,6 +153,7 @@ class Regions:
     """
 
     steps: np.ndarray
+    between: np.ndarray
     learned: np.ndarray
     noise_m: float = 0.0
     on_lines: bool = False
@@ -164,7 +166,9 @@ class Regions:
     def initial(cls, steps: int, noise_m: float = 0.0, on_lines: bool = False) -> Regions:
         """Before the first instant: regions as the network gives them."""
         compared = np.unique(np.geomspace(1, steps, _COMPARED).round().astype(int)) - 1
-        return cls(compared, np.zeros((2, GROUPS, len(compared))), noise_m, on_lines)
+        each = np.arange(steps)
+        between = np.stack([np.interp(each, compared, alone) for alone in np.eye(len(compared))])
+        return cls(compared, between, np.zeros((2, GROUPS, len(compared))), noise_m, on_lines)
 
     @property
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
@@ -218,10 +222,7 @@ class Regions:
         """Predictions whose regions are as learned so far."""
         if not self.learned.any():
             return predictions
-        each, group = np.arange(predictions.steps), groups_of(predictions)
-        wider, tails = np.array(
-            [[np.interp(each, self.steps, parameter) for parameter in both] for both in self.learned]
-        )
+        group, (wider, tails) = groups_of(predictions), self.learned @ self.between
         return widen_covariances(predictions, wider[group], tails[group], _RESOLVED * self.noise_m)
 
     def _keep(self, now: Instant, rows: np.ndarray, forecasts: Predictions) -> Regions:
