@@ -83,7 +83,7 @@ def test_200_forecasts_draw_shares_to_0(count, factor):
 
 def test_before_the_first_comparison_shares_are_0():
     empty = Sums.empty(3, 5)
-    assert [values.shape for values in empty] == [(5, 2, 3, 2, 2), (5, 2, 3, 2), (5, 2)]
+    assert [values.shape for values in empty] == [(5, 3, 3, 2, 2), (5, 3, 3, 2), (5, 3)]
     assert not any(values.any() for values in empty)
     assert not empty.best_weights().any()
 

@@ -278,7 +278,7 @@ def make_conf(folder: Path) -> None:
 
 def make_learned_place(path: Path) -> None:
     untaught = Postprocessing(trust=True).initial(STEPS).plain()
-    untaught["trust"]["compared"] = [3.0, 40.0]
+    untaught["trust"]["compared"] = [3.0, 0.0, 40.0]
     write_place(path, Postprocessing(trust=True).initial(STEPS).restored(untaught), {}, "network")
 
 
