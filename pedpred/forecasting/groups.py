@@ -46,6 +46,6 @@ def _write_groups(
         for k in range(weight.shape[1]):
             x, y = path[row, k, -1, 0] - path[row, k, 0, 0], path[row, k, -1, 1] - path[row, k, 0, 1]
             way = np.sqrt(x * x + y * y)
-            groups[row, k] = (way >= stirs_m) + (way >= walks_m)
+            groups[row, k] = int(way >= stirs_m) + int(way >= walks_m)
             mean += weight[row, k] * way
-        groups[row, -1] = (mean >= stirs_m) + (mean >= walks_m)
+        groups[row, -1] = int(mean >= stirs_m) + int(mean >= walks_m)

@@ -170,6 +170,7 @@ def test_later_steps_do_not_count_once_a_person_was_lost():
         np.testing.assert_array_equal(place.regions.learned, 0.0)
     lost = [place.regions.lost.tolist() for place, _ in instants]
     assert lost == [[]] * 5 + [[0], [0], []]
+    assert not len(instants[5][0].without_people().regions.lost)
 
 
 def test_each_forecast_has_a_number_of_its_own():
