@@ -86,6 +86,25 @@ def ade_of(moving: bool, predictions: Predictions, truth: np.ndarray, scene: Met
     return np.where(scene.moving == moving, ade(predictions, truth, scene), np.nan)
 
 
+def stopping_ade(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """ADE of people who walk now, at twice `moving_mps` at least, and stand at the end of the horizon, m."""
+    stops = (scene.speed_mps > 2 * scene.moving_mps) & (_end_mps(predictions, truth) <= scene.moving_mps)
+    return np.where(stops, ade(predictions, truth, scene), np.nan)
+
+
+def starting_ade(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
+    """ADE of people who stand now and walk at the end, at twice `moving_mps` at least, m."""
+    starts = ~scene.moving & (_end_mps(predictions, truth) > 2 * scene.moving_mps)
+    return np.where(starts, ade(predictions, truth, scene), np.nan)
+
+
+def _end_mps(predictions: Predictions, truth: np.ndarray) -> np.ndarray:
+    """True mean speed over the last three intervals of the horizon, m/s; NaN where there is none. [W]."""
+    last = truth[:, -4:]
+    seconds = predictions.dt_s * (last.shape[1] - 1)
+    return displacement(last[:, -1], last[:, 0]) / (seconds or np.nan)
+
+
 def best_ade(k: int, predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
     """Least ADE among the k most likely modes, m."""
     return displacement(predictions.path[:, :k], truth[:, None]).mean(axis=2).min(axis=1)
@@ -146,6 +165,8 @@ METRICS: dict[str, Metric] = {
     "fde_m": Metric("FDE", "m", "lower", fde),
     "moving_ade_m": Metric("ADE moving", "m", "lower", partial(ade_of, True)),
     "standing_ade_m": Metric("ADE standing", "m", "lower", partial(ade_of, False)),
+    "stopping_ade_m": Metric("ADE stopping", "m", "lower", stopping_ade),
+    "starting_ade_m": Metric("ADE starting", "m", "lower", starting_ade),
     "most_likely_ade_m": Metric("ADE most likely mode", "m", "lower", partial(best_ade, 1)),
     **_best_of("min_ade_m", "minADE{k}", "m", best_ade),
     **_best_of("min_fde_m", "minFDE{k}", "m", best_fde),

@@ -25,7 +25,10 @@ TRAINED = {
 """What the networks of a study have learned from, in a word and in words; another study has its name."""
 REAL, STAND_IN = "real places that it never saw", "simulated people in place of recordings"
 _RELATIVE = ("ratio", "named", "best", "base", "share")
-_LISTED = ("ade_m", "moving_ade_m", "standing_ade_m", "min_ade_m_k6", "nll", "obstacle_share")
+_LISTED = (
+    *("ade_m", "moving_ade_m", "standing_ade_m", "stopping_ade_m", "starting_ade_m"),
+    *("min_ade_m_k6", "nll", "obstacle_share"),
+)
 
 Studies = Mapping[str, Sequence[Result]]
 """Results at real places by study."""

@@ -58,6 +58,29 @@ def test_distances_of_three_windows_seven_modes(key):
     np.testing.assert_allclose(METRICS[key].value(given, TRUTH, scene), DISTANCES[key], rtol=1e-12)
 
 
+def test_who_stops_and_who_starts():
+    """Threshold 0.5 m/s; now faster than 1, then at most 0.5, or now at most 0.5, then faster than 1 m/s.
+
+    At the end means the last three intervals of 0.4 s, 1.2 s. Far steps before do not count.
+    """
+    ends_m = np.array([0.6, 0.61, 0.6, 1.2, 1.21, 1.21])  # 0.5, 0.508, 0.5, 1, 1.008, 1.008 m/s
+    now_mps = np.array([1.01, 1.01, 1.0, 0.5, 0.5, 0.51])
+    there = np.array([[9.0, 9.0], [0.0, 0.0], [7.0, 7.0], [5.0, 2.0]])  # the last position follows
+    truth = np.concatenate([np.tile(there, (6, 1, 1)), ends_m[:, None, None] * [[[0.6, -0.8]]]], axis=1)
+    given = Predictions.single(at_distance(truth, np.full((6, 5), 0.7)), 0.4)
+    scene = scene_of(6, speed_mps=now_mps)
+    for key, chosen in (("stopping_ade_m", 0), ("starting_ade_m", 4)):
+        expected = np.where(np.arange(6) == chosen, 0.7, np.nan)
+        np.testing.assert_allclose(METRICS[key].value(given, truth, scene), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("key", ["stopping_ade_m", "starting_ade_m"])
+def test_nobody_stops_or_starts_within_one_step(key):
+    given = Predictions.single(np.zeros((2, 1, 2)), 0.4)
+    found = METRICS[key].value(given, np.ones((2, 1, 2)), scene_of(2, speed_mps=np.array([0.1, 3.0])))
+    np.testing.assert_array_equal(found, [np.nan, np.nan])
+
+
 def test_at_the_threshold_is_no_miss():
     given = Predictions.single(np.array([[[9.0, 9.0], [3.0, 4.0]], [[9.0, 9.0], [3.0, 4.001]]]), 0.4)
     found = METRICS["miss_rate_k1"].value(given, np.zeros((2, 2, 2)), scene_of(2, miss_m=5.0))
@@ -168,8 +191,9 @@ def test_energy_score_of_round_gaussians_is_that_of_rice():
 def test_the_perfect_forecast_is_better(key):
     """Beside one that leads everybody into the same occupied cell; by the direction in the table."""
     truth = np.concatenate([TRUTH, TRUTH + np.array([4.0, 1.0])])
+    truth[0] = truth[0, 0]  # stops
     wall = OccupancyMap(np.ones((2, 2), bool), np.array([30.0, 40.0]), 1.0)
-    scene = scene_of(6, wall, speed_mps=np.array([1.0, 0.1] * 3), time_s=np.full(6, 3.0))
+    scene = scene_of(6, wall, speed_mps=np.array([1.2, 0.1] * 3), time_s=np.full(6, 3.0))
     sigma = np.tile(0.04 * np.eye(2), (6, 2, 3, 1, 1))
     values = [
         np.nanmean(METRICS[key].value(modes_of(np.stack([at, at], 1), [0.7, 0.3], sigma, at), truth, scene))
