@@ -7,14 +7,14 @@ the network's point forecast at a step, d_l = line l - n, and e = position - n. 
     n + sum_l w_l d_l,    w_l >= 0,    sum_l w_l <= 1
 with the w that minimise
     sum |e - sum_l w_l d_l|^2 / (c + |e - sum_l v_l d_l|) + (M / N) sum_l w_l^2 sum |d_l|^2 / (c + |...|)
-over the N forecasts of people who had left the place when this person came, where v was their w: distances
+over the N forecasts of people who have left the place, where v was the w when they were compared: distances
 count, not their squares (iteratively reweighted least squares). The second term draws w to 0, all trust in
 the network, as M forecasts would that were right. When N is larger than some thousands, the sums fade. Each
 step of the horizon has a w for people who are forecast to stand still, to stir and to walk each. Every mode
 goes to the lines by the same w, so that the point forecast stays among the modes. A line that misses the last
 detection, as that of somebody who has just turned, counts less or not at all, in both.
 
-What somebody does thus changes no forecast of anybody who is there at the same time.
+What somebody does changes no forecast of others before it has left.
 
 Noise of the detection that ends a comparison is independent of d and changes no w in the mean. Forecasts of
 people who are not seen up to the last step do not count, as in the evaluation.
@@ -84,7 +84,7 @@ class Sums(NamedTuple):
         """The sums of some people after forecasts of these have been compared.
 
         Args:
-            weights: w for each of the people. [K, G, P, L]
+            weights: w when these are compared. [G, P, L]
             row: who of them was forecast. [N]
             group: see `groups_of`. [N]
             offset: from the point forecast to the lines, m. [N, L, P, 2]
@@ -151,32 +151,32 @@ class Trust:
 
     Attributes:
         place: sums over the forecasts of people who have left.
-        person: who is there, rising. [K]
+        weights: w that follow from these. [G, P, L]
+        person: whose forecasts have been compared and who is there, rising. [K]
         sums: over the forecasts of each. [K]
-        weights: w for each, from when the person came. [K, G, P, L]
         past: forecasts to compare.
     """
 
     place: Sums
+    weights: np.ndarray
     person: np.ndarray
     sums: Sums
-    weights: np.ndarray
     past: tuple[PastForecasts, ...] = ()
 
     @classmethod
     def initial(cls, steps: int) -> Trust:
         """Before the first instant: forecasts are the network's."""
-        return cls._of_place(Sums.empty(steps))
+        return cls.of_place(Sums.empty(steps))
 
     @classmethod
-    def _of_place(cls, place: Sums) -> Trust:
-        """With nobody there."""
+    def of_place(cls, place: Sums) -> Trust:
+        """What a place has taught, with nobody there."""
         nobody = Sums.empty(place.errors.shape[-2], 0)
-        return cls(place, np.zeros(0, np.int64), nobody, nobody.errors)
+        return cls(place, place.best_weights(), np.zeros(0, np.int64), nobody)
 
     def without_people(self) -> Trust:
         """What was learned, with nobody to learn from."""
-        return self._of_place(self._place_without(np.ones(len(self.person), bool)))
+        return self.of_place(self._place_without(np.ones(len(self.person), bool)))
 
     def plain(self) -> dict[str, Any]:
         """What was learned of people who are there or have left, as lists of numbers."""
@@ -192,7 +192,7 @@ class Trust:
             *(finite(f"trust.{name}", plain[name], old.shape) for name, old in self.place._asdict().items())
         )
         place.check()
-        return self._of_place(place)
+        return self.of_place(place)
 
     def update(self, now: Instant, forecasts: Predictions) -> tuple[Trust, Predictions]:
         """Learn from the detections of an instant, and move the forecasts to lines.
@@ -214,40 +214,20 @@ class Trust:
         trust = self
         if now.is_look:
             lately = now.detections.people_since(now.time_s - ahead_s[-1] - LEFT_AFTER_S)
-            used = lines.followed_s >= _USED_S - TIME_TOLERANCE_S
-            trust = self._compare(now)._with_people(lately, now.person[used])
             fitting = fits[:, :, None, None] * offset
+            trust = self._compare(now)._admit(lately)
             trust = trust._keep(now, ahead_s, lines, group, forecasts.point, fitting)
-        weights = trust._weights_of(now.person, group) * fits[:, None]
+        fits = fits * (lines.followed_s >= _USED_S - TIME_TOLERANCE_S)[:, None]
+        weights = trust.weights[group] * fits[:, None]
         return trust, _move(forecasts, weights, offset) if weights.any() else forecasts
 
-    def _weights_of(self, person: np.ndarray, group: np.ndarray) -> np.ndarray:
-        """The w of some people; 0 for those who have just come. [N, P, L]."""
-        there = np.flatnonzero(is_in_sorted(self.person, person))
-        weights = np.zeros((len(person), *self.weights.shape[2:]))
-        weights[there] = self.weights[np.searchsorted(self.person, person[there]), group[there]]
-        return weights
-
-    def _with_people(self, lately: np.ndarray, person: np.ndarray) -> Trust:
-        """With some people [N], who may have come, and without those who are not among the latest [M]."""
+    def _admit(self, lately: np.ndarray) -> Trust:
+        """With the sums of people who are not among the latest [M], and so have left, in those of the place."""
         gone = ~is_in_sorted(lately, self.person)
-        stays, come = np.flatnonzero(~gone), person[~is_in_sorted(self.person, person)]
-        if len(stays) == len(gone) and not len(come):
+        if not gone.any():
             return self
-        place = self._place_without(gone) if gone.any() else self.place
-        everybody = np.concatenate([self.person[stays], come])
-        order = np.argsort(everybody)
-
-        def extend(old: np.ndarray, new: np.ndarray) -> np.ndarray:
-            return np.concatenate([old[stays], np.broadcast_to(new, (len(come), *new.shape))])[order]
-
-        return replace(
-            self,
-            place=place,
-            person=everybody[order],
-            sums=Sums(*map(extend, self.sums, Sums.empty(self.weights.shape[-2]))),
-            weights=extend(self.weights, place.best_weights()),
-        )
+        place, sums = self._place_without(gone), Sums(*(values[~gone] for values in self.sums))
+        return Trust(place, place.best_weights(), self.person[~gone], sums, self.past)
 
     def _place_without(self, gone: np.ndarray) -> Sums:
         """Sums of the place once some people [K] bool have left."""
@@ -256,15 +236,20 @@ class Trust:
 
     def _compare(self, now: Instant) -> Trust:
         """After the comparison of the forecasts that are due with the detections."""
-        now_s, sums = now.time_s + TIME_TOLERANCE_S, self.sums
+        now_s = now.time_s + TIME_TOLERANCE_S
         due = [past for past in self.past if past.due_s <= now_s]
         if not due:
             return self
+        person = np.unique(np.concatenate([self.person, *(past.person for past in due)]))
+        sums = Sums.empty(self.weights.shape[-2], len(person))
+        for new, old in zip(sums, self.sums, strict=True):
+            new[np.searchsorted(person, self.person)] = old
         for past in due:
             error = now.detections.paths(past.person, past.time_s) - past.point
-            row = np.searchsorted(self.person, past.person)
+            row = np.searchsorted(person, past.person)
             sums = sums.with_comparisons(self.weights, row, past.group, past.offset, error)
-        return replace(self, sums=sums, past=tuple(past for past in self.past if past.due_s > now_s))
+        later = tuple(past for past in self.past if past.due_s > now_s)
+        return replace(self, person=person, sums=sums, past=later)
 
     def _keep(
         self,
@@ -317,8 +302,8 @@ def _add(products, errors, compared, weights, row, group, offset, error):  # pra
             x, y = error[n, p]
             left_x, left_y = x, y
             for line in range(lines):
-                left_x -= weights[k, g, p, line] * offset[n, line, p, 0]
-                left_y -= weights[k, g, p, line] * offset[n, line, p, 1]
+                left_x -= weights[g, p, line] * offset[n, line, p, 0]
+                left_y -= weights[g, p, line] * offset[n, line, p, 1]
             weight = 1.0 / (_NEAR_M + math.hypot(left_x, left_y))
             for line in range(lines):
                 far_x, far_y = weight * offset[n, line, p, 0], weight * offset[n, line, p, 1]

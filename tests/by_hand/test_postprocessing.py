@@ -207,9 +207,8 @@ def meeting():
     products = np.broadcast_to(np.eye(2), (3, 2, 2, 2))
     sums = Sums(products, np.full((3, 2, 2), 0.05), np.full(3, 10000.0))
     regions = Regions.initial(2, 0.1, on_lines=True)
-    place = PlaceKnowledge(
-        replace(Trust.initial(2), place=sums), replace(regions, learned=np.full(regions.learned.shape, 0.5))
-    )
+    regions = replace(regions, learned=np.full(regions.learned.shape, 0.5))
+    place = PlaceKnowledge(Trust.of_place(sums), regions)
     return place, alone
 
 

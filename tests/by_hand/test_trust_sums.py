@@ -36,7 +36,7 @@ def test_comparisons_add_products_over_their_errors():
     The second person was compared once before. Forecasts of which one number is NaN do not count.
     """
     rng = np.random.default_rng(0)
-    v, apart = rng.uniform(0, 0.5, (2, 2, 3, 2)), rng.normal(size=(4, 2, 3, 2))
+    v, apart = rng.uniform(0, 0.5, (2, 3, 2)), rng.normal(size=(4, 2, 3, 2))
     error = rng.normal(size=(4, 3, 2))
     error[2, 1, 1] = np.nan
     before = Sums(*(np.full(s, 0.25) for s in ((2, 2, 3, 2, 2), (2, 2, 3, 2), (2, 2))))
@@ -44,7 +44,7 @@ def test_comparisons_add_products_over_their_errors():
     after = before.with_comparisons(v, row, group, apart, error)
     expected = [np.full(values.shape, 0.25) for values in before]
     for k, g, d, e in ((1, 0, apart[0], error[0]), (0, 1, apart[1], error[1]), (1, 0, apart[3], error[3])):
-        weight = 1 / (0.02 + np.linalg.norm(e - np.einsum("pl,lpa->pa", v[k, g], d), axis=-1))
+        weight = 1 / (0.02 + np.linalg.norm(e - np.einsum("pl,lpa->pa", v[g], d), axis=-1))
         expected[0][k, g] += np.einsum("p,lpa,mpa->plm", weight, d, d)
         expected[1][k, g] += np.einsum("p,lpa,pa->pl", weight, d, e)
         expected[2][k, g] += 1
@@ -67,7 +67,7 @@ def test_comparisons_fade_what_was_before():
     """10000 forecasts and one more: all sums times 10000 / 10001."""
     sums = Sums(np.full((1, 2, 1, 2, 2), 8.0), np.full((1, 2, 1, 2), 6.0), np.full((1, 2), 10000.0))
     zero = np.zeros((1, 2, 1, 2)), np.zeros((1, 1, 2))
-    after = sums.with_comparisons(np.zeros((1, 2, 1, 2)), np.array([0]), np.array([1]), *zero)
+    after = sums.with_comparisons(np.zeros((2, 1, 2)), np.array([0]), np.array([1]), *zero)
     np.testing.assert_allclose(after.compared, [[10000.0, 10000.0]])
     np.testing.assert_allclose(after.errors[0, :, 0, 0], [6.0, 6.0 * 10000 / 10001])
 
