@@ -222,7 +222,7 @@ class Trust:
         return trust, _move(forecasts, weights, offset) if weights.any() else forecasts
 
     def _admit(self, lately: np.ndarray) -> Trust:
-        """With the sums of people who are not among the latest [M], and so have left, in those of the place."""
+        """With what people have taught who are not among the latest [M], and so have left, in the place."""
         gone = ~is_in_sorted(lately, self.person)
         if not gone.any():
             return self
