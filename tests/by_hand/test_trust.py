@@ -253,6 +253,15 @@ def test_people_who_left_teach_all_others(last_s, gone):
     np.testing.assert_allclose(after.point[0], left * known[2].point[0])
 
 
+def test_who_stays_does_not_keep_back_what_others_taught():
+    *_, (place, *_) = stepped(trusting())
+    here, stays = np.zeros((1, 2)), np.array([6])
+    for now_s in (5.3, 5.9, 6.5, 7.0, 7.6):
+        place, _ = at_instant(place, now_s, stays, here, np.array([True]), forecasts_of(here, [0.1]))
+    assert place.trust.person.tolist() == [6]
+    np.testing.assert_array_equal(place.trust.place.compared, [100.0, 100.0, 106.0])
+
+
 def test_who_is_not_seen_up_to_the_last_step_teaches_nothing():
     """The second person is last detected at 3.8 s; its forecast from 2.4 s ends at 4 s."""
     seen = np.ones((3, 15), bool)
