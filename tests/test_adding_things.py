@@ -169,8 +169,8 @@ def test_new_input_set_is_the_same_on_a_robot(monkeypatch, tmp_path):
     request = find_windows(scene, Perception(KalmanBank.around(TRACKER), 0.2), made_with.protocol).request
     table = request.table
     everybody = replace(request, rows=np.arange(len(table)))
-    offline = NetworkForecaster(network, made_with.features, None)(everybody)
-    how = replace(as_offline(made_with.protocol, scene.detection_dt_s), learn_trust=False)
+    offline = NetworkForecaster(network, made_with.features, None, trust=True, local_errors=True)(everybody)
+    how = as_offline(made_with.protocol, scene.detection_dt_s)
     compared = 0
     for forecast in replay_scene(scene, OnlinePredictor.load(tmp_path, how)):
         now = np.abs(table.time_s - forecast.time_s) < 1e-6

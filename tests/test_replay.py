@@ -26,7 +26,7 @@ def assert_a_replay_agrees(scene, kind, model):
     """At every detection: paths and covariances; a robot is cautious at the first ones (`online.caution`)."""
     folder, network, encoder = model
     request = everything_asked(scene, kind)
-    offline = forecaster_of(network, encoder)(request)
+    offline = forecaster_of(network, encoder, trust=True, local_errors=True)(request)
     robot = OnlinePredictor.load(folder, as_offline(request.sizes, scene.detection_dt_s))
     forecasts = replay_scene(scene, robot, kind == "truth")
     online = predictions_at(forecasts, request.table.track_id, request.table.time_s, 10, request.sizes.dt_s)

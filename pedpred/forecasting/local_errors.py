@@ -12,7 +12,8 @@ are known, as N errors of 0 would, and where the mean is not larger than its own
 who walk together, or of one person shortly after each other, count as one. Every mode moves by the same
 shift, so regions keep their shape. People who are not forecast to walk neither teach nor are they moved.
 
-What somebody does changes no forecast of others before it has left: errors of a person count from then on.
+What somebody does changes no forecast of others before it has left: errors of a person count for all from
+then on, and for itself at once, since people in a queue or on laps repeat what they did.
 Similar errors are kept as one, by their mean and mean square, so that memory stays bounded for hours; where
 there are too many, those that were not added to for longest are forgotten. The world frame must stay where it
 is. Forecasts of people who are not seen up to the last step do not number, as in the evaluation.
@@ -88,17 +89,6 @@ class Means(NamedTuple):
             new[:kept] = old
         used = _add(*room, kept, start, way, error)
         return Means(*(values[:used] for values in room))
-
-    def shifts(self, start: np.ndarray, way: np.ndarray) -> np.ndarray:
-        """What to add to forecasts, m. [N, P, 2].
-
-        Args:
-            start: x, world frame, m. [N, 2]
-            way: d, m. [N, 2]
-        """
-        shift = np.zeros((len(start), *self.error.shape[1:]))
-        _write_shifts(shift, *self[:-1], start, way)
-        return shift
 
     def check(self) -> None:
         """Check that these may be the means of some errors.
@@ -225,11 +215,26 @@ class LocalErrors:
         if now.is_look:
             errors = self._compare(now)._admit(now, forecasts.steps * forecasts.dt_s)
             errors = errors._keep(now, forecasts, position, walks)
-        if not len(errors.means.number):
+        if not len(errors.means.number) and not len(errors.waiting.person):
             return errors, forecasts
-        shift = errors.means.shifts(position, forecasts.point[:, -1] - position) * walks[:, None, None]
+        way = forecasts.point[:, -1] - position
+        shift = errors.shifts(now.person, position, way) * walks[:, None, None]
         moved = replace(forecasts, point=forecasts.point + shift, path=forecasts.path + shift[:, None])
         return errors, moved
+
+    def shifts(self, person: np.ndarray, start: np.ndarray, way: np.ndarray) -> np.ndarray:
+        """What to add to forecasts, m. [N, P, 2].
+
+        Args:
+            person: whose. [N]
+            start: x, world frame, m. [N, 2]
+            way: d, m. [N, 2]
+        """
+        shift, own = np.zeros((len(start), *self.means.error.shape[1:])), self.waiting
+        order = np.argsort(own.person, kind="stable")
+        begin, end = (own.person.searchsorted(person, side, order) for side in ("left", "right"))
+        _write_shifts(shift, *self.means[:-1], *own[2:], order, begin, end, start, way)
+        return shift
 
     def _compare(self, now: Instant) -> LocalErrors:
         """After the comparison of the forecasts that are due with the detections."""
@@ -299,24 +304,37 @@ def _add(start, way, error, square, number, latest, used, new_start, new_way, ne
 
 
 @compiled
-def _write_shifts(shift, start, way, error, square, number, at, going):  # pragma: no cover (compiled)
-    """Write the shift of each person; see the equations above."""
+def _write_shifts(  # pragma: no cover (compiled)
+    shift, start, way, error, square, number, own_start, own_way, own_error, order, begin, end, at, going
+):
+    """Write the shift of each person, whose own errors are rows order[begin:end]; see the equations above."""
     steps = error.shape[1]
     squares = np.empty(steps)
     for n in range(len(at)):
         mean, total, of_squares = shift[n], 0.0, 0.0
         squares[:] = 0.0
         for m in range(len(number)):
-            near = 1.0 - _apart(start[m], way[m], at[n], going[n]) / (_REACH_M * _REACH_M)
-            if near <= 0.0:
+            near = _near(start[m], way[m], at[n], going[n])
+            if near == 0.0:
                 continue
-            weight = near * near * number[m]
+            weight = near * number[m]
             total += weight
-            of_squares += near * near * weight
+            of_squares += near * weight
             for p in range(steps):
                 mean[p, 0] += weight * error[m, p, 0]
                 mean[p, 1] += weight * error[m, p, 1]
                 squares[p] += weight * square[m, p]
+        for m in order[begin[n] : end[n]]:
+            near = _near(own_start[m], own_way[m], at[n], going[n])
+            if near == 0.0:
+                continue
+            total += near
+            of_squares += near * near
+            for p in range(steps):
+                x, y = own_error[m, p]
+                mean[p, 0] += near * x
+                mean[p, 1] += near * y
+                squares[p] += near * (x * x + y * y)
         if total == 0.0:
             continue
         for p in range(steps):
@@ -326,6 +344,13 @@ def _write_shifts(shift, start, way, error, square, number, at, going):  # pragm
             spread = variance * _ALIKE * of_squares / (total * total)
             share = total / (total + _PRIOR) * size / (size + spread)
             mean[p, 0], mean[p, 1] = share * x, share * y
+
+
+@compiled
+def _near(start, way, other_start, other_way):  # pragma: no cover (compiled)
+    """Kernel of two forecasts: w_j for one error."""
+    near = max(0.0, 1.0 - _apart(start, way, other_start, other_way) / (_REACH_M * _REACH_M))
+    return near * near
 
 
 @compiled

@@ -7,12 +7,14 @@ the network's point forecast at a step, d_l = line l - n, and e = position - n. 
     n + sum_l w_l d_l,    w_l >= 0,    sum_l w_l <= 1
 with the w that minimise
     sum |e - sum_l w_l d_l|^2 / (c + |e - sum_l v_l d_l|) + (M / N) sum_l w_l^2 sum |d_l|^2 / (c + |...|)
-over the N forecasts of people who have left the place, where v was the w when they were compared: distances
-count, not their squares (iteratively reweighted least squares). The second term draws w to 0, all trust in
-the network, as M forecasts would that were right. When N is larger than some thousands, the sums fade. Each
-step of the horizon has a w for people who are forecast to stand still, to stir and to walk each. Every mode
-goes to the lines by the same w, so that the point forecast stays among the modes. A line that misses the last
-detection, as that of somebody who has just turned, counts less or not at all, in both.
+over the N forecasts of people who have left the place, and of the person itself, which count K times. v was
+the place's w when they were compared: distances count, not their squares (iteratively reweighted least
+squares). The second term draws w to 0, all trust in the network, as M forecasts would that were right. When N
+is larger than some thousands, the sums fade. Each step of the horizon has a w for people who are forecast to
+stand still, to stir and to walk each.
+
+Every mode goes to the lines by the same w, so that the point forecast stays among the modes. A line that
+misses the last detection, as that of somebody who has just turned, counts less or not at all, in both.
 
 What somebody does changes no forecast of others before it has left.
 
@@ -51,8 +53,10 @@ _USED_S, _COMPARED_S = 1.2, 2.4
 """Lines are used, and compared, of people who have been followed for so long, s."""
 _FITS_M = np.array([0.25, 0.5])
 """A line that misses the last detection by the first counts fully, by the second not at all, m."""
-_PRIOR, _MOST = 200.0, 10000.0
-"""M, and the most forecasts that N counts: those of 100 people in half a minute."""
+_PRIOR = np.array([20.0, 100.0, 100.0])
+"""M of each group (`groups_of`)."""
+_OWN, _MOST = 3.0, 10000.0
+"""K, and the most forecasts that N counts: those of 100 people in half a minute."""
 _ROUNDING = 1e-9
 _NEAR_M = 0.02
 """c: errors below this, m, count as squares."""
@@ -103,9 +107,9 @@ class Sums(NamedTuple):
             self.compared * fades,
         )
 
-    def best_weights(self) -> np.ndarray:
-        """The w that minimise the sum. [..., G, P, L]."""
-        prior = (_PRIOR / np.maximum(self.compared, 1.0))[..., None, None, None] * np.eye(_LINES)
+    def best_weights(self, prior: np.ndarray = _PRIOR) -> np.ndarray:
+        """The w that minimise the sum, with M of each group, or of each row of some sums. [..., P, L]."""
+        prior = (prior / np.maximum(self.compared, 1.0))[..., None, None, None] * np.eye(_LINES)
         return best_weights(self.products * (1.0 + prior), self.errors)
 
     def check(self) -> None:
@@ -151,7 +155,7 @@ class Trust:
 
     Attributes:
         place: sums over the forecasts of people who have left.
-        weights: w that follow from these. [G, P, L]
+        weights: w that follow from these alone. [G, P, L]
         person: whose forecasts have been compared and who is there, rising. [K]
         sums: over the forecasts of each. [K]
         past: forecasts to compare.
@@ -204,7 +208,7 @@ class Trust:
         Returns:
             Everything afterwards, and the forecasts with other paths.
         """
-        if not now.is_look and not self.weights.any():
+        if not (now.is_look or self.weights.any() or len(self.person)):
             return self, forecasts
         lines = now.detections.lines(now.person, now.time_s, _SPANS_S)
         ahead_s = forecasts.dt_s * np.arange(1, forecasts.steps + 1)
@@ -218,8 +222,18 @@ class Trust:
             trust = self._compare(now)._admit(lately)
             trust = trust._keep(now, ahead_s, lines, group, forecasts.point, fitting)
         fits = fits * (lines.followed_s >= _USED_S - TIME_TOLERANCE_S)[:, None]
-        weights = trust.weights[group] * fits[:, None]
+        weights = trust._weights_of(now.person, group) * fits[:, None]
         return trust, _move(forecasts, weights, offset) if weights.any() else forecasts
+
+    def _weights_of(self, person: np.ndarray, group: np.ndarray) -> np.ndarray:
+        """The w of some people [N] in their groups [N], from what place and person have taught. [N, P, L]."""
+        weights, taught = self.weights[group], np.flatnonzero(is_in_sorted(self.person, person))
+        if len(taught):
+            row, of = self.person.searchsorted(person[taught]), group[taught]
+            both = zip(self.place, self.sums, strict=True)
+            sums = Sums(*(place[of] + _OWN * own[row, of] for place, own in both))
+            weights[taught] = sums.best_weights(_PRIOR[of])
+        return weights
 
     def _admit(self, lately: np.ndarray) -> Trust:
         """With what people have taught who are not among the latest [M], and so have left, in the place."""

@@ -87,13 +87,13 @@ def ade_of(moving: bool, predictions: Predictions, truth: np.ndarray, scene: Met
 
 
 def stopping_ade(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
-    """ADE of people who walk now, at twice `moving_mps` at least, and stand at the end of the horizon, m."""
+    """ADE of people who walk now, faster than twice `moving_mps`, and stand at the end of the horizon, m."""
     stops = (scene.speed_mps > 2 * scene.moving_mps) & (_end_mps(predictions, truth) <= scene.moving_mps)
     return np.where(stops, ade(predictions, truth, scene), np.nan)
 
 
 def starting_ade(predictions: Predictions, truth: np.ndarray, scene: MetricScene) -> np.ndarray:
-    """ADE of people who stand now and walk at the end, at twice `moving_mps` at least, m."""
+    """ADE of people who stand now and walk at the end, faster than twice `moving_mps`, m."""
     starts = ~scene.moving & (_end_mps(predictions, truth) > 2 * scene.moving_mps)
     return np.where(starts, ade(predictions, truth, scene), np.nan)
 

@@ -25,7 +25,7 @@ class OnlineSettings(Settings):
             if there is a `tracker`, otherwise what the model folder says.
         detection_noise_m: standard deviation of a detection's coordinate, m. Regions of probability learn
             from detections, and without it they become large enough to hold the detector's noise, too.
-        learn_trust: learn from people who have left how far to trust the network beside lines, see
+        learn_trust: learn from earlier forecasts how far to trust the network beside lines, see
             `pedpred.forecasting.trust`.
         learn_local_errors: correct forecasts by the errors of earlier ones nearby, see
             `pedpred.forecasting.local_errors`; not for a world frame that drifts or turns with the robot.

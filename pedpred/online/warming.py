@@ -43,7 +43,7 @@ def warm_up(model: Path | str | None = None) -> None:
     predicted_occupancy(forecast.predictions, occupancy.free(1.0))
     cheapest_pairs(np.zeros((1, 2)))
     here, steps = np.zeros((1, 2)), predictor.protocol.horizon_steps  # nobody leaves in these seconds
-    Means.empty(steps).with_errors(here, here, np.zeros((1, steps, 2))).shifts(here, here)
+    Means.empty(steps).with_errors(here, here, np.zeros((1, steps, 2)))
     say_where(begun_s)
 
 

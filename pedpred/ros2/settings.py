@@ -70,7 +70,7 @@ class NodeSettings(Settings):
         0.0, "standard deviation of a detection's coordinate, m"
     )
     learn_trust: bool = _parameter(
-        True, "learn from people who have left how far to trust the network beside straight lines"
+        True, "learn from earlier forecasts how far to trust the network beside straight lines"
     )
     learn_local_errors: bool = _parameter(
         True, "correct forecasts by the errors of earlier ones nearby; not in a frame that drifts"

@@ -7,7 +7,7 @@ import pytest
 
 from pedpred.errors import ValueRuleError
 from pedpred.forecasting.detections import Detections, Instant
-from pedpred.forecasting.local_errors import LocalErrors, Means
+from pedpred.forecasting.local_errors import LocalErrors, Means, Waiting
 from pedpred.forecasting.postprocessing import Postprocessing
 from pedpred.online.correction import Correction
 from pedpred.scenes import Predictions
@@ -29,6 +29,12 @@ def shift_by_formula(start, way, error, at, going):
     return m * (s / (s + 3) * size / (size + v / n))[:, None]
 
 
+def shifts(means, start, way, waiting=None, person=None):
+    """What such errors add to forecasts of somebody of whom none wait, or of some people. [N, P, 2]."""
+    errors = LocalErrors(means, Waiting.empty(means.error.shape[1]) if waiting is None else waiting)
+    return errors.shifts(np.full(len(start), 99) if person is None else person, start, way)
+
+
 def apart():
     """Starts, ways and errors, no two of which are kept as one."""
     rng = np.random.default_rng(7)
@@ -42,10 +48,27 @@ def test_shift_is_a_shrunk_mean_of_errors_nearby():
     means = Means.empty(STEPS).with_errors(start, way, error)
     assert len(means.number) == 7
     at, going = np.array([[0.2, 0.1], [1.0, 0.5]]), np.array([[1.0, 0.0], [0.6, 0.2]])
-    found = means.shifts(at, going)
+    found = shifts(means, at, going)
     for row in range(2):
         np.testing.assert_allclose(found[row], shift_by_formula(start, way, error, at[row], going[row]))
-    assert not means.shifts(np.array([[5.0, 5.0], [0.0, 0.0]]), np.array([[1.0, 0.0], [-2.0, 0.0]])).any()
+    assert not shifts(means, np.array([[5.0, 5.0], [0.0, 0.0]]), np.array([[1.0, 0.0], [-2.0, 0.0]])).any()
+
+
+def test_own_errors_that_wait_count_like_those_of_people_who_left():
+    """Of three people with errors nearby, each is shifted by the means and its own errors alone."""
+    start, way, error = apart()
+    means, person = Means.empty(STEPS).with_errors(start[:3], way[:3], error[:3]), np.array([4, 6, 4])
+    waiting = Waiting(person, np.zeros(3), start[3:6], way[3:6], error[3:6])
+    at, going = np.tile([0.2, 0.1], (3, 1)), np.tile([0.9, 0.1], (3, 1))
+    found = shifts(means, at, going, waiting, np.array([6, 4, 5]))
+    for row, own in ((0, [4]), (1, [3, 5]), (2, [])):
+        rows = [0, 1, 2, *own]
+        known = start[rows], way[rows], error[rows]
+        np.testing.assert_allclose(found[row], shift_by_formula(*known, at[row], going[row]))
+    alone = shifts(Means.empty(STEPS), at, going, waiting, np.array([6, 4, 5]))
+    known = start[[3, 5]], way[[3, 5]], error[[3, 5]]
+    np.testing.assert_allclose(alone[1], shift_by_formula(*known, at[1], going[1]))
+    assert not alone[2].any()
 
 
 def test_similar_errors_are_kept_as_one():
@@ -68,7 +91,7 @@ def test_similar_errors_are_kept_as_one():
 def test_a_mean_counts_as_so_many_similar_errors():
     """Ten equal errors in one place shift like the formula for ten."""
     start, way, error = (np.repeat(values[:1], 10, axis=0) for values in apart())
-    found = Means.empty(STEPS).with_errors(start, way, error).shifts(start[:1], way[:1])[0]
+    found = shifts(Means.empty(STEPS).with_errors(start, way, error), start[:1], way[:1])[0]
     np.testing.assert_allclose(found, shift_by_formula(start, way, error, start[0], way[0]))
 
 
@@ -138,6 +161,15 @@ def test_errors_wait_until_their_person_has_left():
         assert errors.without_people().means.number.sum() == 2 * compared
 
 
+def test_people_who_are_there_are_shifted_by_their_own_errors():
+    """From 3.3 s on, when the first ones are compared, who stays; who walks at 2 m/s is 4.8 m from these."""
+    person, time_s, detection = stream()
+    for (_, changed), now_s in zip(places(person, time_s, detection), np.unique(time_s), strict=True):
+        rows = time_s == now_s
+        moved = (changed.point != ahead(detection[rows]).point).any(axis=(1, 2))
+        np.testing.assert_array_equal(moved, (person[rows] == 3) & (now_s > 3.2))
+
+
 def test_who_has_left_teaches_while_others_wait():
     """3 leaves after 6 s, 8 is followed to the end."""
     person, time_s, _ = stream()
@@ -171,7 +203,7 @@ def test_who_comes_later_is_shifted_unless_forecast_to_stand(taught):
     plain[2, :, 0] = 34.0 + np.linspace(0.0, 0.4, STEPS)
     known = np.array([20, 21, 22]), here, np.ones(3, bool)
     _, changed = at_instant(taught, 12.1, *known, Predictions.single(plain, DT_S))
-    shift = taught.local_errors.means.shifts(here, plain[:, -1] - here)
+    shift = shifts(taught.local_errors.means, here, plain[:, -1] - here)
     assert shift.all()
     np.testing.assert_allclose(changed.point[:2], (plain + shift)[:2])
     np.testing.assert_allclose(changed.path[:2, 0], (plain + shift)[:2])
@@ -214,13 +246,13 @@ def test_local_errors_turn_with_the_world_frame():
     correction = Correction(0.7, np.array([5.0, -2.0]))
     moved, errors = correction.of_place(place).local_errors, place.local_errors
     here, way = np.array([[0.1, 0.0], [33.0, 0.0]]), np.array([[2.0, 0.2], [2.0, 0.2]])
-    expected = errors.without_people().means.shifts(here, way)
+    expected = shifts(errors.without_people().means, here, way)
     assert expected.any(axis=(1, 2)).all()
     turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
     there = here @ turn + correction.shift
-    np.testing.assert_allclose(moved.without_people().means.shifts(there, way @ turn), expected @ turn)
+    np.testing.assert_allclose(shifts(moved.without_people().means, there, way @ turn), expected @ turn)
     later = correction.of_place(replace(place, local_errors=errors.without_people())).local_errors
-    np.testing.assert_allclose(later.means.shifts(there, way @ turn), expected @ turn)
+    np.testing.assert_allclose(shifts(later.means, there, way @ turn), expected @ turn)
     for name in ("start", "point"):
         was, now = getattr(errors.past[0], name), getattr(moved.past[0], name)
         np.testing.assert_allclose(now, was @ turn + correction.shift)
@@ -231,8 +263,8 @@ def test_restored_local_errors_shift_alike():
     errors, initial = places(*stream())[15][0].local_errors, LocalErrors.initial(STEPS)
     again, left = initial.restored(errors.plain()), errors.without_people()
     here, way = np.array([[0.1, 0.0]]), np.array([[2.0, 0.2]])
-    assert left.means.shifts(here, way).all()
-    np.testing.assert_array_equal(again.means.shifts(here, way), left.means.shifts(here, way))
+    assert shifts(left.means, here, way).all()
+    np.testing.assert_array_equal(shifts(again.means, here, way), shifts(left.means, here, way))
     assert again.past == left.past == ()
     assert len(again.waiting.person) == len(left.waiting.person) == 0
     assert len(initial.restored(initial.plain()).means.number) == 0
@@ -250,6 +282,6 @@ def test_local_errors_are_a_link_of_their_own():
     taught = Means.empty(STEPS).with_errors(here, way, np.ones((1, STEPS, 2)))
     place = replace(link.initial(STEPS), local_errors=replace(LocalErrors.initial(STEPS), means=taught))
     _, found = link.apply(place, ahead(here), here, 0.0, np.array([3]), here, np.ones(1, bool))
-    shift = taught.shifts(here, way)
+    shift = shifts(taught, here, way)
     assert shift.all()
     np.testing.assert_allclose(found.point, ahead(here).point + shift)

@@ -21,6 +21,9 @@ SHARES = np.array([
 """Of both lines at each step, of people who stand still, stir and walk. [G, P, L]."""
 
 
+PRIOR = np.array([20.0, 100.0, 100.0])
+
+
 def fitted(time_s, position, now_s, span_s):
     """Of a line through the last detections: position now, velocity, and how far it misses the last one."""
     late = time_s >= time_s[-1] - span_s - 1e-9
@@ -53,9 +56,9 @@ def test_lines_are_fitted_to_the_last_detections():
 
 
 def place_with(shares, compared=100.0):
-    """Sums that lead to given shares: with A = 2 and N = 100, w = b / (2 (1 + 200 / N))."""
+    """Sums that lead to given shares: with A = 2 and N = 100, w = b / (2 (1 + M / N))."""
     products = np.broadcast_to(2.0 * np.eye(2), (*shares.shape, 2))
-    return Sums(products, 2.0 * (1 + 200 / compared) * shares, np.full(3, compared))
+    return Sums(products, 2.0 * (1 + PRIOR[:, None, None] / compared) * shares, np.full(3, compared))
 
 
 def trusting(shares=SHARES):
@@ -243,14 +246,29 @@ def test_people_who_left_teach_all_others(last_s, gone):
         return
     taught = [sums_of(position, person, (7, 8, 9)) for person in (0, 1)]
     products = 2.0 * np.eye(2) + taught[0][0] + taught[1][0]
-    errors = 6.0 * SHARES[WALK] + taught[0][1] + taught[1][1]
+    errors = 4.0 * SHARES[WALK] + taught[0][1] + taught[1][1]
     np.testing.assert_allclose(trust.place.products[WALK], products)
     np.testing.assert_allclose(trust.place.errors[WALK], errors)
-    shares = best_weights(products * (1 + 200 / 106 * np.eye(2)), errors)
+    shares = best_weights(products * (1 + 100 / 106 * np.eye(2)), errors)
     np.testing.assert_allclose(trust.weights[WALK], shares)
     _, after = at_instant(place, 7.6, np.array([20]), *known)
     left = 1 - shares.sum(axis=-1)[:, None]  # both lines stay where the person stands
     np.testing.assert_allclose(after.point[0], left * known[2].point[0])
+
+
+def test_what_somebody_has_shown_counts_three_times_for_itself():
+    """Who walks and has taught the place nothing yet: sums of the place and three times its own."""
+    position = walked(3)
+    *_, (place, forecasts, after) = stepped(trusting(), position=position)
+    np.testing.assert_allclose(place.trust.weights, SHARES)
+    apart, fits = apart_from(forecasts, position, 15)
+    for row, group in ((0, WALK), (1, WALK), (2, STIR)):
+        products, errors = sums_of(position, row, (7, 8, 9))
+        squares = (2.0 * np.eye(2) + 3 * products) * (1 + 100 / 109 * np.eye(2))
+        shares = best_weights(squares, 4.0 * SHARES[group] + 3 * errors) * fits[row]
+        assert (shares != SHARES[group] * fits[row]).any()
+        shift = np.einsum("pl,lpa->pa", shares, apart[row])
+        np.testing.assert_allclose(after.point[row], forecasts.point[row] + shift)
 
 
 def test_who_stays_does_not_keep_back_what_others_taught():

@@ -72,13 +72,21 @@ def test_comparisons_fade_what_was_before():
     np.testing.assert_allclose(after.errors[0, :, 0, 0], [6.0, 6.0 * 10000 / 10001])
 
 
-@pytest.mark.parametrize(("count", "factor"), [(400.0, 1.5), (100.0, 3.0), (1.0, 201.0), (0.0, 201.0)])
-def test_200_forecasts_draw_shares_to_0(count, factor):
-    """The second term adds 200 / N of its own to each square, none to products of both lines."""
+@pytest.mark.parametrize("count", [400.0, 100.0, 1.0, 0.0])
+def test_some_forecasts_draw_shares_to_0(count):
+    """The second term adds M / N of its own to each square, none to products of both lines.
+
+    M is 20 for people who stand still, else 100; or what is given for each row.
+    """
     products, errors = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([0.7, 0.4])
-    sums = Sums(products[None, None], errors[None, None], np.array([count]))
-    matrix = products + (factor - 1) * np.diag([2.0, 1.0])
-    np.testing.assert_allclose(sums.best_weights(), np.linalg.solve(matrix, errors)[None, None])
+    sums = Sums(np.tile(products, (3, 1, 1, 1)), np.tile(errors, (3, 1, 1)), np.full(3, count))
+    for found, prior in (
+        (sums.best_weights(), (20, 100, 100)),
+        (sums.best_weights(np.array([5, 6, 7])), (5, 6, 7)),
+    ):
+        for group in range(3):
+            matrix = products + prior[group] / max(count, 1.0) * np.diag([2.0, 1.0])
+            np.testing.assert_allclose(found[group, 0], np.linalg.solve(matrix, errors))
 
 
 def test_before_the_first_comparison_shares_are_0():
