@@ -13,7 +13,7 @@ who walk together, or of one person shortly after each other, count as one. Ever
 shift, so regions keep their shape. People who are not forecast to walk neither teach nor are they moved.
 
 What somebody does changes no forecast of others before it has left: errors of a person count for all from
-then on, and for itself at once, since people in a queue or on laps repeat what they did.
+then on, and for itself at once, with a larger A, since people in a queue or on laps repeat what they did.
 Similar errors are kept as one, by their mean and mean square, so that memory stays bounded for hours; where
 there are too many, those that were not added to for longest are forgotten. The world frame must stay where it
 is. Forecasts of people who are not seen up to the last step do not number, as in the evaluation.
@@ -37,8 +37,8 @@ from pedpred.tracking.tracks import TIME_TOLERANCE_S
 
 _REACH_M = 2.0
 """R."""
-_PRIOR, _ALIKE = 3.0, 12.0
-"""N and A."""
+_PRIOR, _ALIKE, _ALIKE_OWN = 3.0, 12.0, 48.0
+"""N, A, and how many of a person's own latest errors count as one: their horizons overlap."""
 _SAME_M = 0.8
 """Errors of forecasts that are nearer to each other than this in (x, d), m, are kept as one."""
 _MOST, _LARGEST = 1000, 200.0
@@ -329,7 +329,7 @@ def _write_shifts(  # pragma: no cover (compiled)
             if near == 0.0:
                 continue
             total += near
-            of_squares += near * near
+            of_squares += _ALIKE_OWN / _ALIKE * near * near
             for p in range(steps):
                 x, y = own_error[m, p]
                 mean[p, 0] += near * x

@@ -17,14 +17,15 @@ STEPS, DT_S = 4, 0.5
 PEOPLE = np.array([3, 8])
 
 
-def shift_by_formula(start, way, error, at, going):
-    """The equations of the module for one forecast, from single errors. [P, 2]."""
+def shift_by_formula(start, way, error, at, going, own=0):
+    """The equations of the module for one forecast, from single errors, the last ones its `own`. [P, 2]."""
+    alike = np.repeat([12.0, 48.0], [len(start) - own, own])
     near = 1 - (((at - start) ** 2).sum(axis=1) + ((going - way) ** 2).sum(axis=1)) / 2.0**2
     w = np.maximum(near, 0) ** 2
     s = w.sum()
     m = (w[:, None, None] * error).sum(axis=0) / s
     v = (w[:, None] * ((error - m) ** 2).sum(axis=2)).sum(axis=0) / s + 1e-6
-    n = s**2 / (12 * (w**2).sum())
+    n = s**2 / (alike * w**2).sum()
     size = (m**2).sum(axis=1)
     return m * (s / (s + 3) * size / (size + v / n))[:, None]
 
@@ -54,7 +55,7 @@ def test_shift_is_a_shrunk_mean_of_errors_nearby():
     assert not shifts(means, np.array([[5.0, 5.0], [0.0, 0.0]]), np.array([[1.0, 0.0], [-2.0, 0.0]])).any()
 
 
-def test_own_errors_that_wait_count_like_those_of_people_who_left():
+def test_own_errors_that_wait_count_at_once():
     """Of three people with errors nearby, each is shifted by the means and its own errors alone."""
     start, way, error = apart()
     means, person = Means.empty(STEPS).with_errors(start[:3], way[:3], error[:3]), np.array([4, 6, 4])
@@ -64,10 +65,10 @@ def test_own_errors_that_wait_count_like_those_of_people_who_left():
     for row, own in ((0, [4]), (1, [3, 5]), (2, [])):
         rows = [0, 1, 2, *own]
         known = start[rows], way[rows], error[rows]
-        np.testing.assert_allclose(found[row], shift_by_formula(*known, at[row], going[row]))
+        np.testing.assert_allclose(found[row], shift_by_formula(*known, at[row], going[row], len(own)))
     alone = shifts(Means.empty(STEPS), at, going, waiting, np.array([6, 4, 5]))
     known = start[[3, 5]], way[[3, 5]], error[[3, 5]]
-    np.testing.assert_allclose(alone[1], shift_by_formula(*known, at[1], going[1]))
+    np.testing.assert_allclose(alone[1], shift_by_formula(*known, at[1], going[1], own=2))
     assert not alone[2].any()
 
 
