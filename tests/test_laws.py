@@ -73,10 +73,16 @@ def test_somebody_who_never_moved_is_forecast_to_stand(mixture):
 
 @pytest.mark.parametrize("age", [4, 100])
 def test_an_old_track_is_forecast_as_a_young_one(mixture, age):
-    """Somebody who walks straight, first seen some time ago; without what it has shown meanwhile."""
-    robot = OnlinePredictor.load(mixture[0], OnlineSettings(learn_trust=False, learn_local_errors=False))
-    for k in range(age + 20):
-        forecast = robot.update(0.4 * k, np.array([7]), np.array([[0.5 * k, 0.0]]))
-        if k == 23:
-            young = forecast.position - [0.5 * k, 0.0]
-    np.testing.assert_allclose(forecast.position - [0.5 * k, 0.0], young, atol=5e-3)
+    """Somebody who walks straight, first seen some time ago; or better, after what it has shown meanwhile."""
+    alone = OnlineSettings(learn_trust=False, learn_local_errors=False)
+    truth = np.stack([0.375 * np.arange(1, 11), np.zeros(10)], axis=1)
+    for learns, how in ((False, alone), (True, OnlineSettings())):
+        robot = OnlinePredictor.load(mixture[0], how)
+        for k in range(age + 20):
+            forecast = robot.update(0.4 * k, np.array([7]), np.array([[0.5 * k, 0.0]]))
+            if k == 23:
+                young = forecast.position[0] - [0.5 * k, 0.0]
+        old = forecast.position[0] - [0.5 * k, 0.0]
+        if not learns:
+            np.testing.assert_allclose(old, young, atol=5e-3)
+        assert (np.linalg.norm(old - truth, axis=1) <= np.linalg.norm(young - truth, axis=1) + 5e-3).all()
