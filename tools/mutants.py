@@ -207,14 +207,15 @@ class Trials:
             for name, path in kept.items()
             if not path.exists()
         ]
-        for _ in tqdm(
+        for name, status, _ in tqdm(
             run_forked(jobs, self._jobs, WORK / "tmp"),
             total=len(jobs),
             desc="tests, unchanged",
             unit="file",
             mininterval=2,
         ):
-            pass
+            if status:
+                raise RuntimeError(f"{name}: the process of these tests ended with status {status}")
         seconds, reaching = {}, defaultdict(set)
         for path in kept.values():
             found = json.loads(path.read_text()) if path.exists() else {}
@@ -307,6 +308,7 @@ class Trials:
 
 
 def _too_long(*_: object) -> None:
+    sys.setprofile(None)  # or the report of the failure would take too long as well
     raise TimeoutError
 
 
