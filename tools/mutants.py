@@ -243,7 +243,7 @@ class Trials:
             sys.setprofile(profile)
             try:
                 failing = self._first_failing([nodeid])
-            except TimeoutError:  # while pytest was writing its report
+            except (TimeoutError, Warning):  # while pytest was writing its report
                 failing = nodeid
                 self._items[nodeid].session._setupstate.teardown_exact(None)
             sys.setprofile(None)
